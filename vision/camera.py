@@ -1,0 +1,143 @@
+"""The pinhole camera with lens distortion, and a view: one image with the pose it was taken from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import RigidTransform
+
+from vision.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Intrinsics in OpenCV's convention.
+
+    The camera frame has x to the right, y down, z forward. A whole-numbered pixel coordinate is the centre of
+    a pixel, so the image spans (-0.5, -0.5) to (width_px - 0.5, height_px - 0.5).
+
+    Attributes:
+        width_px: image width.
+        height_px: image height.
+        fx: focal length over pixel pitch along x, in pixels.
+        fy: the same along y.
+        cx: principal point x, in pixels.
+        cy: principal point y, in pixels.
+        distortion: OpenCV's (k1, k2, p1, p2, k3).
+    """
+
+    width_px: int
+    height_px: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        numbers = np.array([self.fx, self.fy, self.cx, self.cy, *self.distortion])
+        if not np.isfinite(numbers).all() or min(self.fx, self.fy) <= 0:
+            raise InputError("camera intrinsics", got=numbers.tolist(), expected="finite numbers, focal lengths > 0")
+        if min(self.width_px, self.height_px) < 1:
+            raise InputError("image size", got=(self.width_px, self.height_px), expected="at least 1 x 1 pixels")
+
+    @classmethod
+    def from_lens(
+        cls, focal_length_m: float, sensor_size_m: tuple[float, float], resolution_px: tuple[int, int]
+    ) -> Camera:
+        """The distortion-free camera of a lens on a sensor, principal point in the image centre.
+
+        Args:
+            focal_length_m: focal length (the paper's Pulnix lens: 0.016).
+            sensor_size_m: width and height of the sensor (a 1/3-inch CCD: 0.0048, 0.0036).
+            resolution_px: width and height of the image.
+        """
+        (width_m, height_m), (width_px, height_px) = sensor_size_m, resolution_px
+        return cls(
+            width_px,
+            height_px,
+            fx=focal_length_m / width_m * width_px,
+            fy=focal_length_m / height_m * height_px,
+            cx=(width_px - 1) / 2,
+            cy=(height_px - 1) / 2,
+        )
+
+    @property
+    def matrix(self) -> Array:
+        """The 3x3 calibration matrix K."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    def project(self, points_camera: ArrayLike) -> Array:
+        """Pixels (N, 2) of points (N, 3) given in the camera frame in metres; NaN for points not in front."""
+        points = np.atleast_2d(np.asarray(points_camera, dtype=float))
+        in_front = points[:, 2] > 1e-9
+        normalised = np.full((len(points), 2), np.nan)
+        normalised[in_front] = points[in_front, :2] / points[in_front, 2:]
+        x, y = normalised.T
+        k1, k2, p1, p2, k3 = self.distortion
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        xd = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        yd = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        return np.column_stack([self.fx * xd + self.cx, self.fy * yd + self.cy])
+
+    def rays(self, pixels: ArrayLike) -> Array:
+        """Viewing rays (N, 3) with z = 1 in the camera frame, through distorted pixels (N, 2)."""
+        pixels_array = np.atleast_2d(np.asarray(pixels, dtype=float))
+        if any(self.distortion):
+            flat = cv2.undistortPoints(pixels_array[:, None, :], self.matrix, np.array(self.distortion))
+            normalised = flat.reshape(-1, 2)
+        else:
+            normalised = (pixels_array - (self.cx, self.cy)) / (self.fx, self.fy)
+        return np.column_stack([normalised, np.ones(len(normalised))])
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One photograph and where it was taken from.
+
+    Attributes:
+        image: uint8, (H, W) grey or (H, W, 3) RGB; read-only.
+        camera: the intrinsics the image was taken with.
+        T_world_camera: pose of the OpenCV camera frame in the world, as far as the robot knows it.
+        name: a label for people.
+    """
+
+    image: NDArray[np.uint8]
+    camera: Camera
+    T_world_camera: RigidTransform
+    name: str = "view"
+
+    def __post_init__(self) -> None:
+        image = np.ascontiguousarray(self.image)
+        size = (self.camera.height_px, self.camera.width_px)
+        if image.dtype != np.uint8 or image.shape[:2] != size or image.shape[2:] not in ((), (3,)):
+            raise InputError(
+                f"image of {self.name}",
+                got=f"{image.dtype} {image.shape}",
+                expected=f"uint8 {size} or {(*size, 3)}, the size of its camera",
+            )
+        if image is self.image:
+            image = image.view()
+        image.flags.writeable = False
+        object.__setattr__(self, "image", image)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Run the constructor again after unpickling, so that the image stays read-only."""
+        return (View, (self.image, self.camera, self.T_world_camera, self.name))
+
+    @property
+    def gray(self) -> NDArray[np.uint8]:
+        """The image as (H, W) grey levels."""
+        if self.image.ndim == 2:
+            return self.image
+        return np.asarray(cv2.cvtColor(self.image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+
+    def project(self, points_world: ArrayLike) -> Array:
+        """Pixels (N, 2) of points (N, 3) given in the world frame in metres."""
+        return self.camera.project(self.T_world_camera.inv().apply(np.atleast_2d(points_world)))
