@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -141,3 +141,11 @@ class View:
     def project(self, points_world: ArrayLike) -> Array:
         """Pixels (N, 2) of points (N, 3) given in the world frame in metres."""
         return self.camera.project(self.T_world_camera.inv().apply(np.atleast_2d(points_world)))
+
+    def undistorted(self) -> View:
+        """The view as a distortion-free lens would have seen it; itself where the lens is free of distortion."""
+        if not any(self.camera.distortion):
+            return self
+        image = cv2.undistort(np.asarray(self.image), self.camera.matrix, np.array(self.camera.distortion))
+        camera = replace(self.camera, distortion=(0.0, 0.0, 0.0, 0.0, 0.0))
+        return View(np.asarray(image, dtype=np.uint8), camera, self.T_world_camera, self.name)

@@ -135,6 +135,12 @@ class Ellipse:
         value = np.einsum("ij,ij->i", gradient, homogeneous)
         return value / (2 * np.maximum(np.hypot(gradient[:, 0], gradient[:, 1]), 1e-12))
 
+    def normals(self, points: ArrayLike) -> Array:
+        """Unit normals (N, 2), pointing outwards, of the concentric ellipses of this shape through points (N, 2)."""
+        homogeneous = np.column_stack([np.atleast_2d(points), np.ones(len(np.atleast_2d(points)))])
+        gradient = (homogeneous @ self.conic)[:, :2]
+        return np.asarray(gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-12))
+
     def overlap(self, other: Ellipse) -> float:
         """Intersection over union of the two filled ellipses, by rasterising at sub-pixel resolution."""
         return overlap(self, other)

@@ -1,0 +1,155 @@
+"""The ``focalpick`` command: parses, runs a subcommand, and turns errors into one line and an exit code."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import importlib
+import io
+import itertools
+import os
+import shutil
+import sys
+import tempfile
+import textwrap
+import traceback
+from collections.abc import Callable, Sequence
+
+from vision.errors import FocalpickError, InputError
+
+DESCRIPTION = """A benchmark of bin picking with round parts. A simulated robot drops parts into a bin, photographs
+them with the camera on its wrist, finds the circles on them and so their poses, and picks them. The vision system is
+that of Y. Motai, Salient feature extraction of industrial objects for an automated assembly system."""
+
+COMMANDS = {
+    "doctor": "benchmark.commands.doctor:doctor",
+    "run": "benchmark.commands.run:run",
+    "view": "benchmark.commands.view:view",
+    "sweep": "benchmark.commands.sweep:sweep",
+    "table": "benchmark.commands.table:table",
+    "check": "benchmark.commands.check:check",
+    "assets build": "benchmark.commands.assets:build",
+}
+"""Where each command is; in the order in which a newcomer needs them."""
+
+HELP_FLAGS = ("-h", "--help", "help")
+EXIT_BAD_INPUT = 2
+EXIT_INTERNAL_ERROR = 70
+EXIT_INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        arguments: without the program's name; those of the process by default.
+
+    Returns:
+        The exit code: 0 done, 1 a check has failed, 2 bad input or something missing, 70 a bug, 130 interrupted.
+    """
+    try:
+        return _dispatch(sys.argv[1:] if arguments is None else arguments)
+    except FocalpickError as error:
+        return _fail(str(error), EXIT_BAD_INPUT)
+    except KeyboardInterrupt as error:
+        return _fail(str(error) or "stopped", EXIT_INTERRUPTED)
+    except BrokenPipeError:
+        # The reader of our output has gone, as in `focalpick table DIR | head`; nothing more can be written to it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        return _fail(_report_bug(error), EXIT_INTERNAL_ERROR)
+
+
+def _dispatch(arguments: Sequence[str]) -> int:
+    if not arguments or arguments[0] in HELP_FLAGS:
+        print(_overview())
+        return 0
+    for words in (2, 1):
+        name = " ".join(arguments[:words])
+        if name in COMMANDS:
+            return _run(name, arguments[words:])
+    group = [name for name in COMMANDS if name.startswith(f"{arguments[0]} ")]
+    expected = f"one of {', '.join(group or COMMANDS)}"
+    raise InputError("command", got=" ".join(arguments[:2] if group else arguments[:1]), expected=expected)
+
+
+def _run(name: str, arguments: Sequence[str]) -> int:
+    command = _load(name)
+    description = (command.__doc__ or "").partition("Args:")[0]
+    return _parse(command, f"focalpick {name}", description, arguments)()
+
+
+def _parse(
+    command: Callable[..., int], program: str, description: str, arguments: Sequence[str]
+) -> Callable[[], int]:
+    """The command with its arguments bound; ends the process after ``--help``.
+
+    Raises:
+        InputError: the arguments cannot be parsed; one line instead of tyro's box.
+    """
+    import tyro
+
+    @functools.wraps(command)
+    def bind(*positional: object, **named: object) -> Callable[[], int]:
+        return functools.partial(command, *positional, **named)
+
+    messages = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(messages):
+            return tyro.cli(bind, prog=program, description=description, args=arguments)
+    except SystemExit as end:
+        if not end.code:
+            raise
+        raise InputError(
+            "arguments", got=_first_sentence(messages.getvalue()), expected="what --help says", do=f"{program} --help"
+        ) from None
+
+
+def _first_sentence(box: str) -> str:
+    """What a box of tyro's says first, without frame and title."""
+    lines = [line.strip("│ ") for line in box.splitlines() if line.startswith("│")]
+    first = itertools.takewhile(lambda line: line and not line.startswith("─"), lines)
+    return " ".join(first).rstrip(". ") or "something else"
+
+
+def _load(name: str) -> Callable[..., int]:
+    module, _, function = COMMANDS[name].partition(":")
+    return getattr(importlib.import_module(module), function)
+
+
+def _overview() -> str:
+    """The help of ``focalpick`` itself: a line for each command."""
+    width = max(map(len, COMMANDS))
+    summaries = {name: (_load(name).__doc__ or "").partition("\n")[0] for name in COMMANDS}
+    lines = [f"  {name:<{width}}  {summary}" for name, summary in summaries.items()]
+    start = (
+        "Start with `focalpick doctor`, then `focalpick run --part hub`. Each COMMAND explains itself with --help."
+    )
+    return "\n".join(["usage: focalpick COMMAND [OPTIONS]", "", _wrap(DESCRIPTION), "", *lines, "", _wrap(start)])
+
+
+def _wrap(text: str) -> str:
+    """Paragraphs wrapped to the terminal."""
+    width = min(shutil.get_terminal_size().columns, 110)
+    return "\n\n".join(textwrap.fill(" ".join(paragraph.split()), width) for paragraph in text.strip().split("\n\n"))
+
+
+def _fail(message: str, code: int) -> int:
+    print(f"focalpick: {' '.join(message.split())}", file=sys.stderr, flush=True)
+    return code
+
+
+def _report_bug(error: Exception) -> str:
+    """Save the traceback of an unexpected error and say in one line where it is."""
+    text = f"internal error: {type(error).__name__}: {error}"
+    try:
+        with tempfile.NamedTemporaryFile("w", prefix="focalpick-", suffix=".txt", delete=False) as file:
+            traceback.print_exception(error, file=file)
+    except OSError:
+        return text
+    return f"{text}. The traceback is in {file.name}; please report it"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

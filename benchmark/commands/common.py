@@ -1,0 +1,66 @@
+"""What several commands share."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from vision.errors import InputError, ResourceError
+
+_PRESET = "(default: the preset's)"
+_LEFT_OUT = "(optional)"
+
+# Options that leave the preset's value alone when they are not given, and optional paths; only for a readable --help.
+PresetName = Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint=_PRESET)]
+PresetNumber = Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint=_PRESET)]
+OptionalPath = Annotated[Path | None, tyro.conf.arg(metavar="PATH", help_behavior_hint=_LEFT_OUT)]
+Name = Annotated[str, tyro.conf.arg(metavar="NAME")]
+Number = Annotated[int, tyro.conf.arg(metavar="N")]
+SweepDirectory = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
+
+
+def split_parts(text: str | None) -> tuple[str, ...] | None:
+    """``"hub,cover1"`` as kinds of scene, each made of known part names; None stays None.
+
+    Raises:
+        InputError: an unknown part; the message lists the valid ones.
+    """
+    if text is None:
+        return None
+    from benchmark.world.parts import PART_NAMES
+
+    kinds = tuple(kind.strip() for kind in text.split(","))
+    for name in (name for kind in kinds for name in kind.split("+")):
+        if name not in PART_NAMES:
+            do = "Separate several with commas, join them with + for mixed scenes." if "," not in text else ""
+            raise InputError("part", got=name or "nothing", expected=f"one of {', '.join(PART_NAMES)}", do=do)
+    return kinds
+
+
+def prepare_process() -> None:
+    """Settle the OpenGL backend and keep numerical libraries to one thread, before any of them is imported.
+
+    Raises:
+        ResourceError: nothing can draw.
+    """
+    from benchmark.sweep import SINGLE_THREADED
+    from benchmark.world.gl import APT_PACKAGES, choose_backend, works
+
+    for name, value in SINGLE_THREADED.items():
+        os.environ.setdefault(name, value)
+    asked = os.environ.get("MUJOCO_GL")
+    if asked and not works(asked):
+        raise ResourceError(
+            f"OpenGL: MUJOCO_GL={asked} does not work here; unset it to let focalpick choose, "
+            f"or run: sudo apt-get install -y {' '.join(APT_PACKAGES)}"
+        )
+    choose_backend()
+
+
+def print_line(text: str) -> None:
+    """One line on standard error, which keeps standard output for results."""
+    print(text, file=sys.stderr, flush=True)

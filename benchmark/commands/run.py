@@ -1,0 +1,85 @@
+"""``focalpick run``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from benchmark.commands.common import Name, Number, OptionalPath, prepare_process, print_line, split_parts
+
+
+def run(
+    part: Name = "hub",
+    seed: Number = 0,
+    scene: Number = 0,
+    pieces: Number = 4,
+    sensor: Name = "lab",
+    localizer: Name = "dual",
+    views: Number = 3,
+    task: Name = "pick",
+    rrd: OptionalPath = None,
+) -> int:
+    """Run one episode and print what became of each piece.
+
+    With the seed and scene number of a sweep, it is the very episode of that sweep. With --rrd it is also recorded
+    for the rerun viewer: the robot, the images with what was found in them, and the estimated poses.
+
+    Example: focalpick run --part hub --seed 7 --rrd hub.rrd && focalpick view hub.rrd
+
+    Args:
+        part: hub, cover1 or cover2; names joined by + for a mixed scene.
+        seed: of the sweep that the episode belongs to, or any whole number.
+        scene: number of the scene within the sweep, from 0.
+        pieces: pieces dropped into the bin; the paper has 4 to 6.
+        sensor: what the camera adds to the image: ideal, lab or shopfloor.
+        localizer: what finds the poses: dual, region, group, oracle, or module:name of your own.
+        views: number of viewpoints, 2 or 3.
+        task: pick, or none to stop when the poses are found.
+        rrd: file for the rerun recording.
+    """
+    from rich.console import Console
+
+    from benchmark.commands.outcome import outcome_table, pick_lines
+    from benchmark.config import PRESETS, SweepConfig
+
+    kinds = split_parts(part) or PRESETS["table1"].parts
+    sweep = SweepConfig(kinds, scene + 1, pieces, sensor, localizer, views, seed, task)  # type: ignore[arg-type]
+    config = sweep.episode(kinds[0], scene)
+    if rrd is not None:
+        _check_writable(rrd)
+    prepare_process()
+    if rrd is not None:
+        from benchmark.report.rerun_log import record_episode
+
+        record = record_episode(config, rrd)
+    else:
+        from benchmark.episode import run_episode
+
+        record = run_episode(config)
+    console = Console()
+    console.print(outcome_table(record))
+    for line in pick_lines(record):
+        console.print(line, highlight=False)
+    if rrd is not None:
+        print_line(f"Recorded in {rrd}. Next: focalpick view {rrd}")
+    return 0
+
+
+def _check_writable(path: Path) -> None:
+    """Fail before the episode and not after it.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from vision.errors import InputError
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        existed = path.exists()
+        path.open("ab").close()
+        if not existed:
+            path.unlink()
+    except OSError as error:
+        do = "Choose another --rrd."
+        raise InputError(
+            f"recording {path}", got=error.strerror, expected="a file that can be written", do=do
+        ) from None

@@ -1,0 +1,189 @@
+"""What to run: one episode, or a sweep of them. Pure values; equal values have equal hashes on every machine."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import zlib
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal, get_args
+
+from vision.errors import InputError
+
+Task = Literal["pick", "none"]
+SENSORS = ("ideal", "lab", "shopfloor")
+LOCALIZERS = ("dual", "region", "group", "oracle")
+TASKS: tuple[str, ...] = get_args(Task)
+VIEWS = (2, 3)
+MOST_PIECES = 8
+
+
+@dataclass(frozen=True)
+class EpisodeConfig:
+    """One scene: pieces dropped into the bin, photographed, localised and, with task ``pick``, picked.
+
+    Attributes:
+        parts: names of the part types in the scene; one name, or several for a mixed scene.
+        pieces: how many pieces are dropped (the paper: 4 to 6).
+        scene: index of the scene within its sweep.
+        seed: seeds everything random in the episode.
+        sensor: name of a sensor preset, one of ``SENSORS``.
+        localizer: one of ``LOCALIZERS``, or ``package.module:name`` of the user's own.
+        views: number of viewpoints, 2 or 3.
+        task: ``pick`` lets the robot pick, ``none`` stops after localisation.
+    """
+
+    parts: tuple[str, ...]
+    pieces: int = 4
+    scene: int = 0
+    seed: int = 0
+    sensor: str = "lab"
+    localizer: str = "dual"
+    views: int = 3
+    task: Task = "pick"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parts", tuple(self.parts))
+        if not self.parts or not all(isinstance(p, str) and p for p in self.parts):
+            raise InputError("parts of a scene", got=self.parts, expected="at least one part name")
+        _check_number("scene", self.scene, 0)
+        _check_number("seed", self.seed, 0)
+        _check_common(self)
+
+    @property
+    def kind(self) -> str:
+        """The part names joined by ``+``: ``hub``, or ``hub+cover2`` for a mixed scene."""
+        return "+".join(self.parts)
+
+    @property
+    def key(self) -> str:
+        """Names the episode within a sweep, for example ``hub/007``."""
+        return f"{self.kind}/{self.scene:03d}"
+
+    @property
+    def config_hash(self) -> str:
+        """SHA-256 of the canonical JSON, 64 hexadecimal digits."""
+        return _hash(asdict(self))
+
+
+@dataclass(frozen=True)
+class SweepConfig:
+    """Many episodes: ``scenes`` of each kind in ``parts``.
+
+    Attributes:
+        parts: kinds of scene; a kind is a part name, or part names joined by ``+`` for mixed scenes.
+        scenes: scenes of each kind (the paper: 35).
+        pieces: pieces in each scene (the paper: 4 to 6; 35 x 4 = 140).
+        sensor: as in ``EpisodeConfig``.
+        localizer: as in ``EpisodeConfig``.
+        views: as in ``EpisodeConfig``.
+        seed: seeds the whole sweep.
+        task: as in ``EpisodeConfig``.
+        workers: processes that run episodes; has no influence on any result and no part in the hash.
+    """
+
+    parts: tuple[str, ...]
+    scenes: int = 35
+    pieces: int = 4
+    sensor: str = "lab"
+    localizer: str = "dual"
+    views: int = 3
+    seed: int = 0
+    task: Task = "pick"
+    workers: int = 1
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parts", tuple(self.parts))
+        if not self.parts or len(set(self.parts)) != len(self.parts) or not all(map(_is_kind, self.parts)):
+            raise InputError(
+                "parts of a sweep",
+                got=",".join(map(str, self.parts)) or "nothing",
+                expected="different part names, separated by commas; name+name for mixed scenes",
+            )
+        _check_number("scenes", self.scenes, 1)
+        _check_number("seed", self.seed, 0)
+        _check_number("workers", self.workers, 1)
+        _check_common(self)
+
+    @property
+    def config_hash(self) -> str:
+        """SHA-256 of the canonical JSON without ``workers``, 64 hexadecimal digits."""
+        return _hash({k: v for k, v in asdict(self).items() if k != "workers"})
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        """Every part type of the sweep, once, in the order of first appearance."""
+        return tuple(dict.fromkeys(name for kind in self.parts for name in kind.split("+")))
+
+    def episode(self, kind: str, scene: int) -> EpisodeConfig:
+        """Scene number ``scene`` of one kind; does not depend on which other kinds are in the sweep."""
+        return EpisodeConfig(
+            parts=tuple(kind.split("+")),
+            pieces=self.pieces,
+            scene=scene,
+            seed=episode_seed(self.seed, kind, scene),
+            sensor=self.sensor,
+            localizer=self.localizer,
+            views=self.views,
+            task=self.task,
+        )
+
+
+def episodes(sweep: SweepConfig) -> list[EpisodeConfig]:
+    """All episodes of a sweep, round-robin over the kinds so that a part of the sweep is balanced."""
+    return [sweep.episode(kind, scene) for scene in range(sweep.scenes) for kind in sweep.parts]
+
+
+def episode_seed(sweep_seed: int, kind: str, scene: int) -> int:
+    """The seed of one episode, 32 bits, from what identifies it and nothing else."""
+    from numpy.random import SeedSequence  # numpy is slow to import, and `focalpick --help` reads this module
+
+    entropy = SeedSequence((sweep_seed, zlib.crc32(kind.encode()), scene))
+    return int(entropy.generate_state(1)[0])
+
+
+def preset(name: str, **changes: Any) -> SweepConfig:
+    """The preset ``name`` with those ``changes`` that are not None.
+
+    Raises:
+        InputError: no such preset, or a change that makes no sense.
+    """
+    if name not in PRESETS:
+        raise InputError("preset", got=name, expected=" or ".join(PRESETS))
+    return replace(PRESETS[name], **{k: v for k, v in changes.items() if v is not None})
+
+
+def _is_kind(kind: object) -> bool:
+    return isinstance(kind, str) and all(kind.split("+"))
+
+
+def _hash(fields: dict[str, object]) -> str:
+    canonical = json.dumps(fields, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def _check_number(what: str, value: object, least: int, most: int | None = None) -> None:
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    if not whole or value < least or (most is not None and value > most):  # type: ignore[operator]
+        limits = f"at least {least}" if most is None else f"from {least} to {most}"
+        raise InputError(what, got=value, expected=f"a whole number, {limits}")
+
+
+def _check_common(config: EpisodeConfig | SweepConfig) -> None:
+    _check_number("pieces", config.pieces, 1, MOST_PIECES)
+    if config.sensor not in SENSORS:
+        raise InputError("sensor", got=config.sensor, expected=" or ".join(SENSORS))
+    if config.localizer not in LOCALIZERS and not all(config.localizer.partition(":")):
+        expected = f"{', '.join(LOCALIZERS)}, or package.module:name of your own"
+        raise InputError("localizer", got=config.localizer, expected=expected)
+    if config.views not in VIEWS:
+        raise InputError("views", got=config.views, expected="2 or 3")
+    if config.task not in TASKS:
+        raise InputError("task", got=config.task, expected=" or ".join(TASKS))
+
+
+PRESETS: dict[str, SweepConfig] = {
+    "table1": SweepConfig(parts=("hub", "cover1", "cover2"), workers=os.cpu_count() or 1),
+    "smoke": SweepConfig(parts=("hub", "cover1", "cover2"), scenes=2, workers=os.cpu_count() or 1),
+}

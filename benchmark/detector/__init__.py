@@ -1,0 +1,1 @@
+"""How well `vision.detect_ellipses` finds ellipses, and how fast."""

@@ -1,0 +1,123 @@
+"""Precision, recall, F and time of ``vision.detect_ellipses`` on drawn images.
+
+Usage: ``python -m benchmark.detector.evaluate [--split tune|test] [--number N]``. One-to-one matching, a pair counts
+where the filled ellipses overlap by more than 0.8 (intersection over union); one thread.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from benchmark.detector.drawings import CATEGORIES, SPLITS, Drawing, draw
+from vision import detect_ellipses
+from vision.ellipse import Ellipse, overlap
+
+MIN_OVERLAP = 0.8
+
+
+@dataclass(frozen=True)
+class Tally:
+    """Counts over images.
+
+    Attributes:
+        true_positives: detections matched to ground truth.
+        detections: all detections but those matched to tolerated ellipses.
+        truths: all ground truth.
+        seconds: time spent in the detector.
+        images: number of images.
+    """
+
+    true_positives: int = 0
+    detections: int = 0
+    truths: int = 0
+    seconds: float = 0.0
+    images: int = 0
+
+    def __add__(self, other: Tally) -> Tally:
+        return Tally(
+            self.true_positives + other.true_positives,
+            self.detections + other.detections,
+            self.truths + other.truths,
+            self.seconds + other.seconds,
+            self.images + other.images,
+        )
+
+    @property
+    def precision(self) -> float:
+        """Share of the detections that are true; 1 without detections."""
+        return self.true_positives / self.detections if self.detections else 1.0
+
+    @property
+    def recall(self) -> float:
+        """Share of the true ellipses that are detected; 1 without any."""
+        return self.true_positives / self.truths if self.truths else 1.0
+
+    @property
+    def f_measure(self) -> float:
+        """Harmonic mean of precision and recall."""
+        total = self.precision + self.recall
+        return 2 * self.precision * self.recall / total if total else 0.0
+
+
+def match(found: list[Ellipse], truths: list[Ellipse], min_overlap: float = MIN_OVERLAP) -> list[tuple[int, int]]:
+    """One-to-one pairs (found, truth) that overlap by more than ``min_overlap``, as many as possible."""
+    if not found or not truths:
+        return []
+    overlaps = np.array([[overlap(a, b) for b in truths] for a in found])
+    valid = overlaps > min_overlap
+    rows, columns = linear_sum_assignment(np.where(valid, -1.0 - overlaps, 0.0))
+    return [(int(i), int(j)) for i, j in zip(rows, columns, strict=True) if valid[i, j]]
+
+
+def judge(drawing: Drawing, geometric: NDArray[np.float64], seconds: float) -> Tally:
+    """Count the hits of detections (N, 5) in one drawing."""
+    found = [Ellipse.from_geometric(*row) for row in geometric]
+    pairs = match(found, list(drawing.ellipses))
+    rest = [e for k, e in enumerate(found) if k not in {i for i, _ in pairs}]
+    tolerated = len(match(rest, list(drawing.tolerated)))
+    return Tally(len(pairs), len(found) - tolerated, len(drawing.ellipses), seconds, 1)
+
+
+def evaluate(split: str, number: int) -> dict[str, Tally]:
+    """Tally per category over the drawings 0 to ``number`` - 1 of a split."""
+    detect_ellipses(draw("tune", "complete", 0).image)  # compile first
+    tallies = {}
+    for category in CATEGORIES:
+        tally = Tally()
+        for k in range(number):
+            drawing = draw(split, category, k)
+            start = time.perf_counter()
+            geometric = detect_ellipses(drawing.image)
+            tally += judge(drawing, geometric, time.perf_counter() - start)
+        tallies[category] = tally
+    return tallies
+
+
+def table(tallies: dict[str, Tally]) -> str:
+    """The figures as text, one line per category and one for all."""
+    lines = [f"{'category':14}{'images':>7}{'true':>6}{'P':>8}{'R':>8}{'F':>8}{'ms/image':>10}"]
+    for name, t in [*tallies.items(), ("all", sum(tallies.values(), Tally()))]:
+        rates = f"{t.precision:8.3f}{t.recall:8.3f}{t.f_measure:8.3f}"
+        lines.append(f"{name:14}{t.images:7}{t.truths:6}{rates}{1e3 * t.seconds / max(t.images, 1):10.1f}")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Run the evaluation from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--split", choices=tuple(SPLITS), default="test", help="which drawings")
+    parser.add_argument("--number", type=int, default=20, help="drawings per category")
+    arguments = parser.parse_args()
+    cv2.setNumThreads(1)
+    print(table(evaluate(arguments.split, arguments.number)))
+
+
+if __name__ == "__main__":
+    main()

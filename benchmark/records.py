@@ -1,0 +1,181 @@
+"""What happened in an episode, and the file that keeps it.
+
+A sweep is a directory with ``sweep.json`` (its configuration) and ``episodes.jsonl`` (one line per finished episode,
+appended and synced, so that a killed sweep loses nothing but the episodes that were running).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from benchmark.decode import decode
+from vision.errors import FileFormatError, InputError
+
+SCHEMA = 1
+STAGES = ("drop", "render", "vision", "motion", "total")
+
+
+@dataclass(frozen=True)
+class PoseErrors:
+    """Error of an estimated pose; see ``benchmark.metrics.pose_errors``.
+
+    Attributes:
+        translation_mm: distance of the part origins.
+        tilt_deg: angle between the part axes.
+        inplane_deg: rotation about the axis that remains, modulo the symmetry; None for a continuous symmetry.
+        rotation_deg: geodesic angle, least over the symmetries.
+        mssd_mm: maximum symmetry-aware surface distance.
+    """
+
+    translation_mm: float
+    tilt_deg: float
+    inplane_deg: float | None
+    rotation_deg: float
+    mssd_mm: float
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            if value is not None and not (math.isfinite(value) and value >= 0):
+                raise InputError(f"pose error {name}", got=value, expected="a finite number >= 0")
+
+
+@dataclass(frozen=True)
+class ProcessResult:
+    """What one localizer made of one piece.
+
+    Attributes:
+        extracted: the salient ellipse was found, as ``benchmark.metrics.EXTRACTION_IOU`` defines it.
+        matched: the pose was found, as ``benchmark.metrics.MATCH_MSSD_FRACTION`` defines it.
+        errors: of the pose assigned to the piece, None where there is none.
+    """
+
+    extracted: bool
+    matched: bool
+    errors: PoseErrors | None = None
+
+    def __post_init__(self) -> None:
+        if self.matched and self.errors is None:
+            raise InputError("result of a matched piece", got="no errors", expected="the errors of its pose")
+
+
+@dataclass(frozen=True)
+class PieceRecord:
+    """One piece of a scene.
+
+    Attributes:
+        index: of the piece in its scene.
+        part: name of its type.
+        visibility: the visible share of its silhouette, 0 to 1, mean over the views.
+        in_bin: False when it bounced out; it is then counted apart.
+        results: by localizer: ``region``, ``group``, ``dual``, or the name of the user's own.
+        failed_stage: where the run's localizer lost the piece, None when it did not.
+    """
+
+    index: int
+    part: str
+    visibility: float
+    in_bin: bool
+    results: dict[str, ProcessResult]
+    failed_stage: str | None = None
+
+
+@dataclass(frozen=True)
+class PickRecord:
+    """One pick.
+
+    Attributes:
+        attempted: a localised piece was there to be picked; False when nothing was localised. A piece for which no
+            collision-free way was found counts as attempted and failed.
+        piece: index of the piece, None when the estimate belongs to no piece or nothing was attempted.
+        succeeded: the piece ended up where it should.
+        failed_stage: such as ``plan``, ``approach``, ``grip``, ``lift``, ``place``; None on success.
+        grasp: name of the grasp.
+    """
+
+    attempted: bool
+    piece: int | None
+    succeeded: bool
+    failed_stage: str | None = None
+    grasp: str | None = None
+
+
+@dataclass(frozen=True)
+class EpisodeRecord:
+    """One finished episode.
+
+    Attributes:
+        key: ``EpisodeConfig.key``.
+        parts: the part types of the scene.
+        scene: ``EpisodeConfig.scene``.
+        seed: ``EpisodeConfig.seed``.
+        config_hash: ``EpisodeConfig.config_hash``.
+        environment: ``benchmark.environment.environment_stamp()``.
+        pieces: one record for each piece.
+        picks: in the order in which they were made.
+        false_positives: by localizer, the number of poses that belong to no piece.
+        timings_s: wall time in seconds under the names in ``STAGES``.
+        error: one line that says why the episode did not finish; None when it did.
+    """
+
+    key: str
+    parts: tuple[str, ...]
+    scene: int
+    seed: int
+    config_hash: str
+    environment: dict[str, str] = field(default_factory=dict)
+    pieces: tuple[PieceRecord, ...] = ()
+    picks: tuple[PickRecord, ...] = ()
+    false_positives: dict[str, int] = field(default_factory=dict)
+    timings_s: dict[str, float] = field(default_factory=dict)
+    error: str | None = None
+
+
+def strip_timings(record: EpisodeRecord) -> EpisodeRecord:
+    """The record without what differs between two runs of one seed on one machine."""
+    return replace(record, timings_s={})
+
+
+def to_json(record: EpisodeRecord) -> str:
+    """The record as one line of JSON, without the newline."""
+    return json.dumps({"schema": SCHEMA, **asdict(record)}, allow_nan=False, separators=(",", ":"))
+
+
+def from_json(line: str, source: str = "record") -> EpisodeRecord:
+    """The record back from its line.
+
+    Args:
+        line: what ``to_json`` made.
+        source: names the line in error messages, for example ``"episodes.jsonl line 3"``.
+
+    Raises:
+        FileFormatError: naming the source and the field.
+    """
+    fields = parse_object(line, source)
+    return decode(EpisodeRecord, fields, source)
+
+
+def parse_object(text: str, source: str) -> dict[str, Any]:
+    """A JSON object of this schema version, without its ``schema`` field.
+
+    Raises:
+        FileFormatError: not JSON, not an object, or of another version.
+    """
+    try:
+        fields = json.loads(text)
+    except ValueError as error:
+        got = f"{_clip(text)} ({error})"
+        raise FileFormatError(source, got=got, expected="JSON", do="Delete it or restore the file.") from None
+    if not isinstance(fields, dict):
+        raise FileFormatError(source, got=_clip(text), expected="a JSON object")
+    version = fields.pop("schema", None)
+    if version != SCHEMA:
+        do = "Use the focalpick that wrote the file, or run the sweep into a new directory."
+        raise FileFormatError(f"{source}: field schema", got=version, expected=SCHEMA, do=do)
+    return fields
+
+
+def _clip(text: str, length: int = 40) -> str:
+    return repr(text if len(text) <= length else text[:length] + "...")

@@ -1,0 +1,223 @@
+"""A ``Table`` for people: on the terminal and as Markdown, from one description of the columns."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from rich import box
+from rich.console import Console, RenderableType
+from rich.table import Table as RichTable
+from rich.text import Text
+
+from benchmark.metrics import BARELY_VISIBLE
+from benchmark.report.published import TITLES, PublishedErrors
+from benchmark.report.tables import STAGES, AccuracyRow, Rate, Summary, Table
+
+NOTHING = "–"
+PROCESS_TITLES = {"region": "Region-match", "group": "Group-match"}
+METHOD_TITLES = {"region": "previous (region growing)", "group": "edge grouping alone", "dual": "dual"}
+STAGE_TITLES = {
+    "extraction": "Fig. 10 (a)  Feature extraction success",
+    "matching": "Fig. 10 (b)  Feature matching success",
+}
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A titled table of strings.
+
+    Attributes:
+        title: stands above it.
+        columns: the headings; a heading in ``quiet`` is secondary.
+        rows: one string per column.
+        sections: indices of rows that a rule follows.
+        quiet: headings of the columns with other people's figures.
+        note: stands below it.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    sections: frozenset[int] = frozenset()
+    quiet: frozenset[str] = frozenset()
+    note: str = ""
+
+
+def grids(table: Table) -> list[Grid]:
+    """The grids that are shown: Table 1, Fig. 10 (a) and (b), picks, and what was counted apart."""
+    shown = [_table1(table), *(_fig10(table, stage) for stage in STAGES)]
+    if any(rate.n for rate in table.picks.values()):
+        shown.append(_picks(table))
+    return [*shown, _counts(table)]
+
+
+def print_table(table: Table, console: Console) -> None:
+    """Print everything on a terminal or into a file."""
+    for grid in grids(table):
+        console.print(_rich(grid))
+    for line in remarks(table):
+        console.print(Text(line, style="yellow"))
+
+
+def as_markdown(table: Table) -> str:
+    """Everything as GitHub-flavoured Markdown."""
+    return "\n\n".join([*map(_markdown, grids(table)), *remarks(table)]) + "\n"
+
+
+def remarks(table: Table) -> list[str]:
+    """What a reader must know before believing the table: episodes that are missing or have failed."""
+    lines = []
+    if table.recorded < table.planned:
+        lines.append(f"Incomplete: {table.recorded} of {table.planned} episodes are recorded.")
+    if table.failed:
+        lines.append(f"{len(table.failed)} episodes did not finish; their pieces are in no figure above:")
+        lines += [f"  {key}: {error}" for key, error in table.failed.items()]
+    return lines
+
+
+def _table1(table: Table) -> Grid:
+    rows = tuple(_accuracy_cells(row, table.table1, i) for i, row in enumerate(table.table1))
+    parts = [row.part for row in table.table1]
+    return Grid(
+        title="Table 1  Localization error, mean ± standard deviation over matched pieces",
+        columns=(
+            "Object",
+            "Process",
+            "n",
+            "Translation (mm)",
+            "published",
+            "Rotation (°)",
+            "published ",
+            "Tilt (°)",
+            "In-plane (°)",
+        ),
+        rows=rows,
+        sections=_last_of_each(parts),
+        quiet=frozenset({"published", "published ", "Tilt (°)", "In-plane (°)"}),
+        note=f"Pieces at least {BARELY_VISIBLE:.0%} visible. Rotation is the least over the part's symmetries;\n"
+        "tilt is that of its axis, in-plane that about it (– for a part that looks the same at any angle).",
+    )
+
+
+def _accuracy_cells(row: AccuracyRow, rows: Sequence[AccuracyRow], i: int) -> tuple[str, ...]:
+    first = i == 0 or rows[i - 1].part != row.part
+    return (
+        _title(row.part) if first else "",
+        PROCESS_TITLES.get(row.method, row.method),
+        str(row.n),
+        _plus_minus(row.errors["translation_mm"], 2),
+        _published(row.published, "translation_mm"),
+        _plus_minus(row.errors["rotation_deg"], 2),
+        _published(row.published, "rotation_deg"),
+        _plus_minus(row.errors["tilt_deg"], 2),
+        _plus_minus(row.errors["inplane_deg"], 2),
+    )
+
+
+def _fig10(table: Table, stage: str) -> Grid:
+    levels = tuple(dict.fromkeys(row.min_visibility for row in table.success))
+    cells = [(level, part) for level in levels for part in table.parts]
+    rows = []
+    methods = [m for m in table.methods if m != "group"]
+    for i, (level, part) in enumerate(cells):
+        bars = {method: table.find_success(part, method, stage, level) for method in methods}
+        rates = [_rate(bars[method].rate) for method in methods]
+        first = i == 0 or cells[i - 1][0] != level
+        label = f"≥ {level:.0%}" if first else ""
+        published = bars["dual"].published
+        n = str(max(bar.rate.n for bar in bars.values()))
+        rows.append((label, _title(part), n, *rates, NOTHING if published is None else f"{published:.0%}"))
+    return Grid(
+        title=STAGE_TITLES[stage],
+        columns=("Visible", "Object", "n", *(METHOD_TITLES.get(m, m) for m in methods), "dual, published"),
+        rows=tuple(rows),
+        sections=_last_of_each([str(level) for level, _ in cells]),
+        quiet=frozenset({"dual, published"}),
+        note=""
+        if stage == STAGES[0]
+        else "In brackets: 95 % Wilson interval. The paper's rates are over all its pieces.",
+    )
+
+
+def _picks(table: Table) -> Grid:
+    rows = tuple((_title(part), str(rate.n), _rate(rate)) for part, rate in table.picks.items())
+    return Grid("Picks of localised pieces", ("Object", "n", "Succeeded"), rows)
+
+
+def _counts(table: Table) -> Grid:
+    rows = [
+        (
+            _title(count.part),
+            str(count.pieces),
+            str(count.barely_visible),
+            str(count.out_of_bin),
+            _tally(count.lost_at),
+            _tally(count.false_positives),
+        )
+        for count in table.counts
+    ]
+    heading = f"< {BARELY_VISIBLE:.0%} visible"
+    columns = ("Object", "Pieces", heading, "Out of the bin", "Lost at", "False positives")
+    return Grid("Pieces, and those counted apart", columns, tuple(rows))
+
+
+def _title(part: str) -> str:
+    return TITLES.get(part, part)
+
+
+def _plus_minus(summary: Summary, digits: int) -> str:
+    if summary.mean is None:
+        return NOTHING
+    spread = NOTHING if summary.std is None else f"{summary.std:.{digits}f}"
+    return f"{summary.mean:.{digits}f} ± {spread}"
+
+
+def _published(row: PublishedErrors | None, quantity: str) -> str:
+    if row is None:
+        return NOTHING
+    return f"{getattr(row, f'{quantity}_mean'):.1f} ± {getattr(row, f'{quantity}_std'):.1f}"
+
+
+def _rate(rate: Rate) -> str:
+    if rate.rate is None or rate.low is None or rate.high is None:
+        return NOTHING
+    return f"{rate.rate:4.0%} ({rate.low:.0%} to {rate.high:.0%})"
+
+
+def _tally(counts: dict[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in counts.items()) or NOTHING
+
+
+def _last_of_each(labels: Sequence[str]) -> frozenset[int]:
+    """Indices at which a run of equal labels ends, but not the last of all."""
+    return frozenset(i for i, (a, b) in enumerate(itertools.pairwise(labels)) if a != b)
+
+
+def _rich(grid: Grid) -> RenderableType:
+    rich = RichTable(
+        title=Text(grid.title, style="bold"),
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        caption=Text(grid.note, style="dim") if grid.note else None,
+        caption_justify="left",
+        header_style="bold",
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    for i, column in enumerate(grid.columns):
+        words = all(not row[i][:1].isdigit() and row[i] != NOTHING for row in grid.rows)
+        style = "dim" if column in grid.quiet else ""
+        justify: Literal["left", "right"] = "left" if words else "right"
+        rich.add_column(column.strip(), justify=justify, style=style, header_style=style or "bold", no_wrap=words)
+    for i, row in enumerate(grid.rows):
+        rich.add_row(*row, end_section=i in grid.sections)
+    return rich
+
+
+def _markdown(grid: Grid) -> str:
+    rows = [tuple(column.strip() for column in grid.columns), ("---",) * len(grid.columns), *grid.rows]
+    lines = [f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in rows]
+    return "\n".join([f"**{grid.title}**", "", *lines, *(["", grid.note] if grid.note else [])])

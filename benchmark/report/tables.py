@@ -1,0 +1,275 @@
+"""Table 1 and Fig. 10 from the records of a sweep, beside the published figures.
+
+Everything here is a pure function of the configuration and the records (sorted by key, without timings), so that two
+runs of one sweep give the same table to the last digit.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+from benchmark.config import SweepConfig, episodes
+from benchmark.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary, summarise, wilson_interval
+from benchmark.records import EpisodeRecord, PieceRecord, PoseErrors
+from benchmark.report.published import FIGURE_10, TABLE_1, PublishedErrors, paper_order
+
+PROCESSES = ("region", "group")
+METHODS = ("region", "group", "dual")
+STAGES = ("extraction", "matching")
+QUANTITIES = ("translation_mm", "rotation_deg", "tilt_deg", "inplane_deg", "mssd_mm")
+LEVELS = (HALF_VISIBLE, BARELY_VISIBLE)
+
+
+@dataclass(frozen=True)
+class AccuracyRow:
+    """Pose errors of one part's matched pieces.
+
+    Attributes:
+        part: its name.
+        method: the localizer; ``region`` and ``group`` are the paper's region-match and group-match.
+        min_visibility: pieces less visible are left out.
+        errors: one summary for each of ``QUANTITIES``; its n is less where a quantity is undefined for the part.
+        published: the paper's row, where it has one.
+    """
+
+    part: str
+    method: str
+    min_visibility: float
+    errors: dict[str, Summary]
+    published: PublishedErrors | None
+
+    @property
+    def n(self) -> int:
+        """Number of matched pieces."""
+        return self.errors["translation_mm"].n
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A success rate with its 95 % Wilson interval; None throughout for an empty sample."""
+
+    n: int
+    successes: int
+    rate: float | None
+    low: float | None
+    high: float | None
+
+    @classmethod
+    def of(cls, outcomes: Sequence[bool]) -> Rate:
+        """From the single outcomes."""
+        n, successes = len(outcomes), sum(outcomes)
+        if n == 0:
+            return cls(0, 0, None, None, None)
+        return cls(n, successes, successes / n, *wilson_interval(successes, n))
+
+
+@dataclass(frozen=True)
+class SuccessRow:
+    """A bar of Fig. 10.
+
+    Attributes:
+        part: its name.
+        method: the localizer; ``region`` is the paper's previous method, ``dual`` the proposed one.
+        stage: ``extraction`` (Fig. 10a) or ``matching`` (Fig. 10b).
+        min_visibility: pieces less visible are left out.
+        rate: over the pieces that are visible enough and in the bin.
+        published: the paper's rate, over all its pieces, where it prints one.
+    """
+
+    part: str
+    method: str
+    stage: str
+    min_visibility: float
+    rate: Rate
+    published: float | None
+
+
+@dataclass(frozen=True)
+class PartCount:
+    """Where one part's pieces went before any rate was taken.
+
+    Attributes:
+        part: its name.
+        pieces: all pieces that were dropped.
+        out_of_bin: those that bounced out of the bin; in no rate.
+        barely_visible: those in the bin less than 10 % visible; in no rate.
+        false_positives: by localizer, poses that belong to no piece, in scenes of this part alone.
+        lost_at: pieces by the stage at which the run's localizer lost them.
+    """
+
+    part: str
+    pieces: int
+    out_of_bin: int
+    barely_visible: int
+    false_positives: dict[str, int]
+    lost_at: dict[str, int]
+
+
+@dataclass(frozen=True)
+class Table:
+    """All that is reported about a sweep.
+
+    Attributes:
+        config_hash: of the sweep.
+        planned: number of episodes of the sweep.
+        recorded: how many are recorded.
+        failed: key and error of those that did not finish; their pieces are in no rate.
+        accuracy: for each part, method and visibility level.
+        success: for each part, method, stage and visibility level.
+        picks: success rate of attempted picks by part.
+        counts: by part.
+    """
+
+    config_hash: str
+    planned: int
+    recorded: int
+    failed: dict[str, str]
+    accuracy: tuple[AccuracyRow, ...]
+    success: tuple[SuccessRow, ...]
+    picks: dict[str, Rate]
+    counts: tuple[PartCount, ...]
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Part names in the order of the table."""
+        return tuple(count.part for count in self.counts)
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Localizers in the order of the table."""
+        return tuple(dict.fromkeys(row.method for row in self.success))
+
+    @property
+    def table1(self) -> list[AccuracyRow]:
+        """The rows of the paper's Table 1 in its order, over all pieces at least 10 % visible."""
+        return [self.find_accuracy(part, method, BARELY_VISIBLE) for part, method in table1_order(self.parts)]
+
+    def find_accuracy(self, part: str, method: str, min_visibility: float) -> AccuracyRow:
+        """One row of ``accuracy``; KeyError where there is none."""
+        wanted = (part, method, min_visibility)
+        return {(r.part, r.method, r.min_visibility): r for r in self.accuracy}[wanted]
+
+    def find_success(self, part: str, method: str, stage: str, min_visibility: float) -> SuccessRow:
+        """One row of ``success``; KeyError where there is none."""
+        wanted = (part, method, stage, min_visibility)
+        return {(r.part, r.method, r.stage, r.min_visibility): r for r in self.success}[wanted]
+
+
+def table1_order(parts: Sequence[str]) -> list[tuple[str, str]]:
+    """(part, process) of the rows of Table 1 in the paper's order; other parts after the paper's."""
+    published = [key for key in TABLE_1 if key[0] in parts]
+    known = {part for part, _ in published}
+    return published + [(part, process) for part in parts if part not in known for process in PROCESSES]
+
+
+def build_table(config: SweepConfig, records: Sequence[EpisodeRecord], levels: Sequence[float] = LEVELS) -> Table:
+    """Everything that is reported about a sweep.
+
+    Args:
+        config: of the sweep.
+        records: its records so far, in any order.
+        levels: the least visibilities over which success rates are taken; 10 % is always among them.
+    """
+    records = sorted(records, key=lambda record: record.key)
+    finished = [record for record in records if record.error is None]
+    pieces = [piece for record in finished for piece in record.pieces]
+    parts = paper_order(config.part_names)
+    levels = tuple(dict.fromkeys([*levels, BARELY_VISIBLE]))
+    found = dict.fromkeys(name for piece in pieces for name in sorted(piece.results))
+    methods = METHODS + tuple(name for name in found if name not in METHODS)
+    cells = [(part, method, level) for level in levels for part in parts for method in methods]
+    return Table(
+        config_hash=config.config_hash,
+        planned=len(episodes(config)),
+        recorded=len(records),
+        failed={record.key: record.error for record in records if record.error is not None},
+        accuracy=tuple(_accuracy(pieces, *cell) for cell in cells),
+        success=tuple(_success(pieces, *cell, stage) for stage in STAGES for cell in cells),
+        picks={part: _picks(finished, part) for part in parts},
+        counts=tuple(_count(finished, part) for part in parts),
+    )
+
+
+def to_dict(table: Table) -> dict[str, object]:
+    """The table as plain values for JSON."""
+    return {
+        "table1": [{"process": row.method, **_flat(row)} for row in table.table1],
+        "fig10": [_flat_success(row) for row in table.success],
+        "picks": [{"part": part, **asdict(rate)} for part, rate in table.picks.items()],
+        "accuracy": [_flat(row) for row in table.accuracy],
+        "counts": [asdict(count) for count in table.counts],
+        "episodes": {"planned": table.planned, "recorded": table.recorded, "failed": table.failed},
+        "config_hash": table.config_hash,
+    }
+
+
+def _accuracy(pieces: Sequence[PieceRecord], part: str, method: str, min_visibility: float) -> AccuracyRow:
+    errors = [
+        result.errors
+        for piece in _counted(pieces, part, min_visibility)
+        if (result := piece.results.get(method)) is not None and result.matched and result.errors is not None
+    ]
+    summaries = {quantity: summarise(_values(errors, quantity)) for quantity in QUANTITIES}
+    return AccuracyRow(part, method, min_visibility, summaries, TABLE_1.get((part, method)))
+
+
+def _values(errors: Sequence[PoseErrors], quantity: str) -> list[float]:
+    values = (getattr(error, quantity) for error in errors)
+    return [value for value in values if value is not None]
+
+
+def _success(pieces: Sequence[PieceRecord], part: str, method: str, min_visibility: float, stage: str) -> SuccessRow:
+    results = [piece.results.get(method) for piece in _counted(pieces, part, min_visibility)]
+    outcomes = [r.extracted if stage == "extraction" else r.matched for r in results if r is not None]
+    published = FIGURE_10.get((part, method, stage))
+    return SuccessRow(part, method, stage, min_visibility, Rate.of(outcomes), published)
+
+
+def _counted(pieces: Sequence[PieceRecord], part: str, min_visibility: float) -> list[PieceRecord]:
+    return [p for p in pieces if p.part == part and p.in_bin and p.visibility >= min_visibility]
+
+
+def _picks(records: Sequence[EpisodeRecord], part: str) -> Rate:
+    """Attempted picks of a part; a pick at a pose that belongs to no piece counts where the scene has one type."""
+    outcomes = []
+    for record in records:
+        part_of = {piece.index: piece.part for piece in record.pieces}
+        sole = record.parts[0] if len(record.parts) == 1 else None
+        attempted = [pick for pick in record.picks if pick.attempted]
+        outcomes += [pick.succeeded for pick in attempted if part_of.get(pick.piece, sole) == part]  # type: ignore[arg-type]
+    return Rate.of(outcomes)
+
+
+def _count(records: Sequence[EpisodeRecord], part: str) -> PartCount:
+    pieces = [piece for record in records for piece in record.pieces if piece.part == part]
+    inside = [piece for piece in pieces if piece.in_bin]
+    false_positives: Counter[str] = Counter()
+    for record in records:
+        if record.parts == (part,):
+            false_positives.update(record.false_positives)
+    lost_at = Counter(piece.failed_stage for piece in pieces if piece.failed_stage is not None)
+    return PartCount(
+        part=part,
+        pieces=len(pieces),
+        out_of_bin=len(pieces) - len(inside),
+        barely_visible=sum(piece.visibility < BARELY_VISIBLE for piece in inside),
+        false_positives=dict(sorted(false_positives.items())),
+        lost_at=dict(sorted(lost_at.items())),
+    )
+
+
+def _flat(row: AccuracyRow) -> dict[str, object]:
+    statistics = {
+        f"{quantity}_{name}": getattr(summary, name)
+        for quantity, summary in row.errors.items()
+        for name in ("mean", "std", "median")
+    }
+    fields = {"part": row.part, "method": row.method, "min_visibility": row.min_visibility, "n": row.n}
+    return {**fields, **statistics, "published": asdict(row.published) if row.published else None}
+
+
+def _flat_success(row: SuccessRow) -> dict[str, object]:
+    fields = {"part": row.part, "method": row.method, "stage": row.stage, "min_visibility": row.min_visibility}
+    return {**fields, **asdict(row.rate), "published": row.published}

@@ -1,0 +1,181 @@
+"""The directory of a sweep: ``sweep.json`` and the append-only ``episodes.jsonl``."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import os
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, NoReturn
+
+from benchmark.config import SweepConfig
+from benchmark.decode import decode
+from benchmark.records import SCHEMA, EpisodeRecord, from_json, parse_object, to_json
+from vision.errors import FileFormatError, InputError, ResourceError
+
+SWEEP_FILE = "sweep.json"
+EPISODES_FILE = "episodes.jsonl"
+
+
+class RecordWriter:
+    """Appends records to a sweep's directory; each is on the disk when ``append`` returns.
+
+    Only one writer at a time: a second one is refused, for as long as the first one's process lives.
+    """
+
+    def __init__(self, directory: Path, config: SweepConfig) -> None:
+        """Open or create the directory, and cut off a line that an earlier run left torn.
+
+        Args:
+            directory: of the sweep.
+            config: of the sweep; must be the one that the directory was made for, if there is one.
+
+        Raises:
+            InputError: unwritable, made for another configuration, or in use.
+            ResourceError: no space.
+        """
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            self._file: BinaryIO = open(directory / EPISODES_FILE, "ab")  # noqa: SIM115
+        except OSError as error:
+            _raise(error, directory)
+        try:
+            self._lock(directory)
+            self._guard(directory, lambda: self._prepare(directory, config))
+        except BaseException:
+            self._file.close()
+            raise
+        self._directory = directory
+
+    def _lock(self, directory: Path) -> None:
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            do = "Wait for it, stop it, or choose another --out."
+            raise InputError(f"sweep in {directory}", got="one that is running", expected="none", do=do) from None
+
+    def _prepare(self, directory: Path, config: SweepConfig) -> None:
+        if (directory / SWEEP_FILE).exists():
+            found = read_config(directory)
+            if found.config_hash != config.config_hash:
+                do = "Choose another --out, or repeat the options of the sweep that is there."
+                differences = _differences(found, config)
+                raise InputError(f"sweep in {directory}", got=differences[0], expected=differences[1], do=do)
+        else:
+            _write_config(directory, config)
+        content = (directory / EPISODES_FILE).read_bytes()
+        self._file.truncate(content.rfind(b"\n") + 1)
+
+    def append(self, record: EpisodeRecord) -> None:
+        """Write one record; it survives a crash of the process and of the machine.
+
+        Raises:
+            ResourceError: the disk is full or gone; what was recorded before stays good.
+        """
+        self._guard(self._directory, lambda: self._write(to_json(record).encode() + b"\n"))
+
+    def _write(self, line: bytes) -> None:
+        self._file.write(line)
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    @staticmethod
+    def _guard(directory: Path, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except OSError as error:
+            _raise(error, directory)
+
+    def close(self) -> None:
+        """Close the file and let the next writer in."""
+        try:
+            self._file.close()
+        except OSError as error:  # a full disk shows again when the buffer is flushed for the last time
+            _raise(error, self._directory)
+
+    def __enter__(self) -> RecordWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        try:
+            self.close()
+        except ResourceError:
+            if error is None:
+                raise
+
+
+def read_config(directory: Path) -> SweepConfig:
+    """The configuration of the sweep in a directory.
+
+    Raises:
+        InputError: no sweep there.
+        FileFormatError: corrupt.
+    """
+    path = directory / SWEEP_FILE
+    text = _read(path)
+    return decode(SweepConfig, parse_object(text, str(path)), str(path))
+
+
+def read_records(directory: Path) -> list[EpisodeRecord]:
+    """The records of a sweep, sorted by key, one per episode; a torn last line is passed over.
+
+    Raises:
+        InputError: no sweep there.
+        FileFormatError: a line other than a torn last one cannot be read; names line and field.
+    """
+    path = directory / EPISODES_FILE
+    whole, _, _torn = _read(path).rpartition("\n")
+    records: dict[str, EpisodeRecord] = {}
+    for number, line in enumerate(whole.split("\n") if whole else [], start=1):
+        record = from_json(line, f"{path} line {number}")
+        records.setdefault(record.key, record)
+    return [records[key] for key in sorted(records)]
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise FileFormatError(str(path), got=f"a byte that is not UTF-8 at {error.start}", expected="text") from None
+    except OSError as error:
+        do = "Give the directory that `focalpick sweep --out` wrote."
+        raise InputError(str(path), got=error.strerror, expected="a file that can be read", do=do) from None
+
+
+def _write_config(directory: Path, config: SweepConfig) -> None:
+    """Write ``sweep.json`` whole or not at all."""
+    temporary = directory / f".{SWEEP_FILE}.{os.getpid()}"
+    with open(temporary, "w", encoding="utf-8") as file:
+        json.dump({"schema": SCHEMA, **asdict(config)}, file, indent=2)
+        file.write("\n")
+        file.flush()
+        os.fsync(file.fileno())
+    temporary.replace(directory / SWEEP_FILE)
+
+
+def _differences(found: SweepConfig, wanted: SweepConfig) -> tuple[str, str]:
+    """The options in which two configurations differ, as text, for each of them."""
+    a, b = asdict(found), asdict(wanted)
+    names = [name for name in a if a[name] != b[name] and name != "workers"]
+    texts = [", ".join(f"{name}={_text(fields[name])}" for name in names) for fields in (a, b)]
+    return texts[0], texts[1]
+
+
+def _text(value: object) -> str:
+    return ",".join(map(str, value)) if isinstance(value, (tuple, list)) else str(value)
+
+
+def _raise(error: OSError, directory: Path) -> NoReturn:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO):
+        raise ResourceError(
+            f"cannot write to {directory}: {error.strerror}; make room and run the same command again, "
+            "what is recorded stays"
+        ) from None
+    do = "Choose another --out or change its permissions."
+    raise InputError(f"output {directory}", got=error.strerror, expected="a writable directory", do=do) from None

@@ -1,0 +1,195 @@
+"""The running work cell: drop, settle, look, photograph, and the simulator's truth to measure against."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from benchmark.world import sensor as sensors
+from benchmark.world.drop import DropResult, OnStep, drop_pieces
+from benchmark.world.rendering import CellRenderer, Visibility
+from benchmark.world.scene import CAMERA, CellConfig, build_model
+from benchmark.world.sensor import Appearance, SensorConfig
+from robot.arm import Arm
+from robot.kinematics import HOME_Q, ArmKinematics
+from robot.trajectory import Trajectory, joint_trajectory
+from vision.camera import Camera, View
+from vision.errors import InputError
+
+Array = NDArray[np.float64]
+
+ARM_PREFIX = "arm/"
+GRIPPER_PREFIX = "arm/gripper/"
+PARK_Q = np.radians([100.0, -110.0, 35.0, 0.0, 75.0, 0.0])
+"""Joint angles that keep the arm clear of the bin, of falling pieces and of the light."""
+
+
+_ARM_REST_RAD_S = 2e-4
+_SETTLE_STEPS = 10
+_SETTLE_ROUNDS = 25
+
+
+class WorkCell:
+    """One arm, one bin, one camera, and the pieces of the configuration.
+
+    Build it once and `drop` as often as there are episodes: each drop starts from the same state, so an episode
+    depends on its random generators alone. Holds an OpenGL context: close it, or use it in a `with` block.
+
+    Attributes:
+        config: the sizes of the cell.
+        sensor: how far camera, light and calibration are from perfect.
+        model: the compiled model.
+        data: its state.
+        arm: the handle on the arm.
+        kinematics: what the robot's controller knows of its geometry.
+        camera: the intrinsics, as the calibration knows them.
+        T_flange_camera: where the camera is mounted, by the drawing.
+    """
+
+    def __init__(self, config: CellConfig, sensor: SensorConfig) -> None:
+        """Compile the model and open the renderer.
+
+        Raises:
+            ResourceError: a mesh or a description is missing, or the machine cannot draw.
+        """
+        self.config, self.sensor = config, sensor
+        self.model = build_model(config)
+        self.data = mujoco.MjData(self.model)
+        self.arm = Arm(self.model, self.data, ARM_PREFIX)
+        self.kinematics = ArmKinematics(config.arm_xml)
+        self.camera: Camera = config.camera
+        self._camera_id = self.model.camera(CAMERA).id
+        self._bodies = [self.model.body(f"piece_{i}").id for i in range(config.pieces)]
+        self._renderer = CellRenderer(self.model, config)
+        self._appearance: Appearance | None = None
+        self._hand_eye_error = RigidTransform.identity()
+        mujoco.mj_forward(self.model, self.data)
+        self.T_flange_camera = self.arm.T_world_flange.inv() * self.camera_truth()
+
+    def __enter__(self) -> WorkCell:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the OpenGL context back."""
+        self._renderer.close()
+
+    def drop(self, rng: np.random.Generator, on_step: OnStep | None = None) -> DropResult:
+        """Begin an episode: park the arm, draw light, marks and calibration error, drop the pieces and let them rest.
+
+        Args:
+            rng: decides on everything in the episode up to the first picture.
+            on_step: called after every physics step.
+        """
+        mujoco.mj_resetData(self.model, self.data)
+        self._set_sleep(False)
+        self.arm.place(PARK_Q)
+        self._appearance = sensors.sample_appearance(rng, self.sensor, self.camera)
+        self._hand_eye_error = sensors.sample_hand_eye_error(rng, self.sensor)
+        self._renderer.apply(self._appearance)
+        with self._without_noslip():
+            result = drop_pieces(self.model, self.data, self.config, rng, on_step)
+        self._set_sleep(True)
+        return result
+
+    def step(self, steps: int = 1, on_step: OnStep | None = None) -> None:
+        """Let physics run for so many steps, with the controls as they are."""
+        if on_step is None:
+            mujoco.mj_step(self.model, self.data, steps)
+            return
+        for _ in range(steps):
+            mujoco.mj_step(self.model, self.data)
+            on_step()
+
+    def follow(self, trajectory: Trajectory, on_step: OnStep | None = None) -> None:
+        """Drive the arm along a trajectory, then wait until it rests (at most half a second)."""
+        steps = max(1, round(trajectory.dt_s / self.model.opt.timestep))
+        for q, qd in zip(trajectory.q, trajectory.qd, strict=True):
+            self.arm.command(q, qd)
+            self.step(steps, on_step)
+        for _ in range(_SETTLE_ROUNDS):
+            if np.abs(self.arm.joint_velocities).max() < _ARM_REST_RAD_S:
+                return
+            self.step(_SETTLE_STEPS, on_step)
+
+    def move_joints(self, q: Array, on_step: OnStep | None = None) -> None:
+        """Move the empty-handed arm to joint angles q (6,) in rad along a jerk-limited path, and let it settle."""
+        with self._without_noslip():
+            self.follow(joint_trajectory(self.arm.joint_positions, q, self.arm.limits), on_step)
+
+    def look_from(self, T_world_camera: RigidTransform, on_step: OnStep | None = None) -> None:
+        """Move the arm so that the camera, mounted as drawn, is at this pose (OpenCV axes).
+
+        Raises:
+            UnreachableError: the arm cannot get there.
+        """
+        T_world_flange = T_world_camera * self.T_flange_camera.inv()
+        self.move_joints(self.kinematics.inverse(T_world_flange, self._seed()), on_step)
+
+    def _seed(self) -> Array:
+        """Where to search from: the arm's own angles, or its home over the bin when it is parked aside."""
+        q = self.arm.joint_positions
+        return HOME_Q if np.abs(q - PARK_Q).max() < 0.01 else q
+
+    def render(self) -> NDArray[np.uint8]:
+        """What the wrist camera sees, uint8 (H, W, 3), before the sensor has its say."""
+        return self._renderer.rgb(self.data, CAMERA)
+
+    def capture(self, rng: np.random.Generator, name: str = "view") -> View:
+        """Take a picture with the wrist camera.
+
+        The pose in the view is what the robot knows: forward kinematics of the measured joint angles and the drawn
+        mounting, off by the episode's hand-eye error and this view's repeatability error.
+
+        Raises:
+            InputError: no episode has begun.
+        """
+        if self._appearance is None:
+            raise InputError("work cell", got="a picture before the first drop", expected="a drop", do="Call drop().")
+        image = sensors.capture(self.render(), rng, self.sensor, self._appearance, self.camera)
+        misplaced = sensors.sample_repeatability_error(rng, self.sensor)
+        T_world_flange = misplaced * self.kinematics.forward(self.arm.joint_positions)
+        return View(image, self.camera, T_world_flange * self.T_flange_camera * self._hand_eye_error, name)
+
+    def truth(self) -> list[RigidTransform]:
+        """The true T_world_part of every piece. For measuring, never for localising."""
+        return [
+            RigidTransform.from_components(
+                self.data.xpos[body], Rotation.from_quat(self.data.xquat[body], scalar_first=True)
+            )
+            for body in self._bodies
+        ]
+
+    def camera_truth(self) -> RigidTransform:
+        """The true T_world_camera in OpenCV's axes. For measuring, never for localising."""
+        return sensors.opencv_pose(self.data, self._camera_id)
+
+    def visibility(self) -> Visibility:
+        """How much of each piece the wrist camera sees from where it is."""
+        return self._renderer.visibility(self.data, CAMERA)
+
+    def overview(self, width_px: int = 1280, height_px: int = 960) -> NDArray[np.uint8]:
+        """A picture of the whole cell for people, uint8 (height, width, 3)."""
+        return self._renderer.overview(self.data, width_px, height_px)
+
+    def _set_sleep(self, enabled: bool) -> None:
+        """Let pieces at rest sleep until something touches them; they neither creep nor cost time then."""
+        flag = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+        self.model.opt.enableflags = self.model.opt.enableflags & ~flag | (flag if enabled else 0)
+
+    @contextmanager
+    def _without_noslip(self) -> Iterator[None]:
+        """Leave out the solver's slip correction, which only a grasp needs and which a heap makes expensive."""
+        iterations = self.model.opt.noslip_iterations
+        self.model.opt.noslip_iterations = 0
+        try:
+            yield
+        finally:
+            self.model.opt.noslip_iterations = iterations

@@ -1,0 +1,69 @@
+"""Choose how MuJoCo gets its OpenGL context: a display if there is one, otherwise EGL, otherwise OSMesa."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+
+from vision.errors import ResourceError
+
+APT_PACKAGES = ("libegl1", "libegl-mesa0", "libgl1", "libgl1-mesa-dri", "libosmesa6")
+_VARIABLE = "MUJOCO_GL"
+_PROBE = """
+import mujoco
+context = mujoco.GLContext(16, 16)
+context.make_current()
+model = mujoco.MjModel.from_xml_string("<mujoco/>")
+mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+"""
+
+
+def choose_backend() -> str:
+    """Settle ``MUJOCO_GL`` for this process and its children, and return it.
+
+    A value that the user has set is left alone. Otherwise each candidate is tried in a process of its own, because
+    a failing OpenGL library can take the whole process with it; the answer is kept in the environment, so child
+    processes do not probe again. MuJoCo reads the variable when it is imported; where that has already happened its
+    context module is loaded anew.
+
+    Returns:
+        The name of the backend: ``glfw``, ``egl`` or ``osmesa`` (or what the user asked for).
+
+    Raises:
+        ResourceError: no candidate can draw; the message names the packages to install.
+    """
+    if chosen := os.environ.get(_VARIABLE, ""):
+        return chosen
+    for backend in candidates(os.environ):
+        if works(backend):
+            os.environ[_VARIABLE] = backend
+            if context_module := sys.modules.get("mujoco.rendering.classic.gl_context"):
+                importlib.reload(context_module)
+            return backend
+    raise ResourceError(
+        f"OpenGL: got no working backend of {', '.join(candidates(os.environ))}; expected one to draw with. "
+        f"Run: sudo apt-get install -y {' '.join(APT_PACKAGES)}"
+    )
+
+
+def candidates(environment: Mapping[str, str]) -> tuple[str, ...]:
+    """The backends worth trying in this environment, best first."""
+    if sys.platform != "linux":
+        return ("glfw",)
+    has_display = bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
+    return ("glfw", "egl", "osmesa") if has_display else ("egl", "osmesa")
+
+
+def works(backend: str, timeout_s: float = 60.0) -> bool:
+    """Whether MuJoCo can make an OpenGL context with this backend, tried in a process of its own."""
+    environment = {**os.environ, _VARIABLE: backend}
+    try:
+        probe = subprocess.run(
+            [sys.executable, "-c", _PROBE], env=environment, capture_output=True, timeout=timeout_s, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return probe.returncode == 0

@@ -1,0 +1,137 @@
+"""Where a parallel gripper can hold each part.
+
+The TCP frame has z along the approach (out of the gripper), x along the opening of the fingers, and its origin
+between the finger tips. The tips are 60 mm long, 4 mm thick along x and 10 mm wide along y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from vision.errors import InputError
+
+FINGER_WIDTH_MM = 10.0
+FREE_TURNS = 12  # copies of a grasp that may turn freely about z
+
+Kind = Literal["outside", "inside"]
+Vector = Sequence[float] | NDArray[np.float64]
+X = (1.0, 0.0, 0.0)
+FRONT, BACK = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)  # approach directions towards the front and the back of a part
+
+
+@dataclass(frozen=True, eq=False)
+class Grasp:
+    """One way of holding a part, and its equally good rotations about the part's z.
+
+    Attributes:
+        name: for people and records.
+        T_part_tcp: pose of the TCP in the part when the fingers touch.
+        width_m: at contact: between the inner faces of the fingers (outside) or between their outer faces (inside).
+        kind: ``"outside"`` closes on the part, ``"inside"`` opens in it.
+        copies: number of equally spaced rotations about the part's z that are as good.
+    """
+
+    name: str
+    T_part_tcp: RigidTransform
+    width_m: float
+    kind: Kind
+    copies: int = 1
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("outside", "inside") or self.width_m <= 0 or self.copies < 1:
+            raise InputError(
+                f"grasp {self.name!r}",
+                got=(self.kind, self.width_m, self.copies),
+                expected="kind outside or inside, width_m > 0 and copies >= 1",
+            )
+
+    def poses(self) -> RigidTransform:
+        """T_part_tcp of all copies: a stack of `copies` poses, this one first."""
+        return RigidTransform.from_rotation(turns_about_z(self.copies)) * self.T_part_tcp
+
+
+def turns_about_z(count: int) -> Rotation:
+    """Stack of `count` equally spaced rotations about z, the identity first."""
+    angles = np.arange(count) * 2 * np.pi / count
+    return Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0])
+
+
+def grasps_of(name: str) -> tuple[Grasp, ...]:
+    """All grasps of a part, the preferred ones first."""
+    return {"hub": _hub, "cover1": _cover1, "cover2": _cover2}[name]()
+
+
+def _hub() -> tuple[Grasp, ...]:
+    between_cooling_holes = np.radians(9.0)
+    return (
+        _grasp("bore_front", (0.0, 0.0, 8.0), FRONT, X, _chord(32.0), "inside", FREE_TURNS),
+        _grasp("bore_back", (0.0, 0.0, 23.0), BACK, X, _chord(32.0), "inside", FREE_TURNS),
+        *_radial("rim", 102.0, -19.0, between_cooling_holes, opening="axial", gap=14.0, copies=20),
+    )
+
+
+def _cover1() -> tuple[Grasp, ...]:
+    return (
+        _grasp("outside_front", (0.0, 0.0, -4.0), FRONT, X, 30.0, "outside", FREE_TURNS),
+        _grasp("outside_back", (0.0, 0.0, 2.0), BACK, X, 30.0, "outside", FREE_TURNS),
+        *_wall("wall_back", 13.4, 15.0, -1.0, azimuth=0.0, copies=FREE_TURNS),
+        *_radial("side", -4.0, -1.4, 0.0, opening="tangential", gap=30.0, copies=FREE_TURNS),
+        _grasp("boss_front", (0.0, 0.0, 5.1), FRONT, X, 16.0, "outside", FREE_TURNS),
+    )
+
+
+def _cover2() -> tuple[Grasp, ...]:
+    between_ribs = np.radians(30.0)
+    x = (float(np.cos(between_ribs)), float(np.sin(between_ribs)), 0.0)
+    return (
+        _grasp("outside_front", (0.0, 0.0, -6.0), FRONT, x, 65.0, "outside", 6),
+        _grasp("outside_back", (0.0, 0.0, 3.0), BACK, x, 65.0, "outside", 6),
+        _grasp("bore_front", (0.0, 0.0, 2.0), FRONT, x, _chord(9.5), "inside", FREE_TURNS),
+        _grasp("bore_back", (0.0, 0.0, 12.0), BACK, x, _chord(9.5), "inside", FREE_TURNS),
+        *_wall("wall_back", 29.9, 32.5, -2.0, azimuth=between_ribs, copies=6),
+        *_radial("side", -5.0, 1.0, 0.0, opening="tangential", gap=65.0, copies=FREE_TURNS),
+        _grasp("boss_front", (0.0, 0.0, 9.7), FRONT, x, 30.0, "outside", 6),
+        _grasp("boss_back", (0.0, 0.0, 3.4), BACK, x, 30.0, "outside", 6),
+    )
+
+
+def _radial(
+    name: str, radius: float, z: float, azimuth: float, *, opening: str, gap: float, copies: int
+) -> tuple[Grasp, ...]:
+    """Approach towards the axis, with the fingers opening along z or along the tangent; two ways round."""
+    outward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    x = np.array([0.0, 0.0, 1.0]) if opening == "axial" else np.array([-outward[1], outward[0], 0.0])
+    origin = radius * outward + np.array([0.0, 0.0, z])
+    return (
+        _grasp(name, origin, -outward, x, gap, "outside", copies),
+        _grasp(f"{name}_flipped", origin, -outward, -x, gap, "outside", copies),
+    )
+
+
+def _wall(name: str, inner: float, outer: float, z: float, *, azimuth: float, copies: int) -> tuple[Grasp, ...]:
+    """One finger inside the open cup and one outside; two ways round."""
+    inner_contact = _chord(inner) / 2
+    x = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    origin = (inner_contact + outer) / 2 * x + np.array([0.0, 0.0, z])
+    gap = outer - inner_contact
+    return (
+        _grasp(name, origin, BACK, x, gap, "outside", copies),
+        _grasp(f"{name}_flipped", origin, BACK, -x, gap, "outside", copies),
+    )
+
+
+def _chord(radius: float) -> float:
+    """Distance in mm between the flat outer faces of two fingers whose edges touch a bore from inside."""
+    return float(2 * np.sqrt(radius**2 - (FINGER_WIDTH_MM / 2) ** 2))
+
+
+def _grasp(name: str, origin_mm: Vector, approach: Vector, x: Vector, gap: float, kind: Kind, copies: int) -> Grasp:
+    rotation = Rotation.from_matrix(np.column_stack([x, np.cross(approach, x), approach]))
+    pose = RigidTransform.from_components(np.asarray(origin_mm) * 1e-3, rotation)
+    return Grasp(name, pose, gap * 1e-3, kind, copies)

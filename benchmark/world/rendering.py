@@ -1,0 +1,176 @@
+"""Pictures of the cell: what a camera sees, how the cell looks in an episode, and how much of each piece is visible."""
+
+from __future__ import annotations
+
+import atexit
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.world import gl
+from benchmark.world.marks import surface_marks
+from benchmark.world.scene import KEY_LIGHT, VISUAL_GROUP, CellConfig
+from benchmark.world.sensor import Appearance
+
+_ALONE_GROUP = 5
+_DAYLIGHT_DIRECTION = (-0.25, -0.6, -0.76)
+_OVERVIEW_TARGET = (0.4, 0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Visibility:
+    """How much of the pieces a picture shows.
+
+    Attributes:
+        visible_masks: bool (N, H, W), the pixels of each piece.
+        total_masks: bool (N, H, W), the same with nothing before it.
+    """
+
+    visible_masks: NDArray[np.bool_]
+    total_masks: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        for masks in (self.visible_masks, self.total_masks):
+            masks.flags.writeable = False
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Run the constructor again after unpickling, so that the masks stay read-only."""
+        return (Visibility, (self.visible_masks, self.total_masks))
+
+    @property
+    def visible_px(self) -> NDArray[np.int64]:
+        """Pixels of each piece in the picture, (N,)."""
+        return np.asarray(self.visible_masks.sum(axis=(1, 2)))
+
+    @property
+    def total_px(self) -> NDArray[np.int64]:
+        """Pixels that each piece would have in the picture if nothing stood before it, (N,)."""
+        return np.asarray(self.total_masks.sum(axis=(1, 2)))
+
+    @property
+    def fraction(self) -> NDArray[np.float64]:
+        """Visible over total, (N,); zero for a piece outside the picture."""
+        return np.asarray(self.visible_px / np.maximum(self.total_px, 1))
+
+
+class CellRenderer:
+    """Draws the cell with MuJoCo's renderer. Holds an OpenGL context: close it, or use it in a `with` block."""
+
+    def __init__(self, model: mujoco.MjModel, config: CellConfig) -> None:
+        """Open the OpenGL context.
+
+        Raises:
+            ResourceError: this machine cannot draw.
+        """
+        gl.choose_backend()
+        self._model, self._config = model, config
+        width, height = config.resolution_px
+        self._renderer = mujoco.Renderer(model, height, width)
+        atexit.register(self.close)  # a context that outlives OpenGL itself complains at the interpreter's exit
+        self._option = mujoco.MjvOption()
+        self._has_marks = False
+
+    def __enter__(self) -> CellRenderer:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the OpenGL context back."""
+        atexit.unregister(self.close)
+        self._renderer.close()
+
+    def apply(self, appearance: Appearance) -> None:
+        """Set the light, the highlights and the marks on surfaces of an episode."""
+        model = self._model
+        light = model.light(KEY_LIGHT).id
+        model.light_dir[light] = appearance.light_direction
+        model.light_pos[light] = self._config.bin_centre_m - self._config.light_distance_m * model.light_dir[light]
+        pieces = [f"piece_{i}" for i in range(self._config.pieces)]
+        for name in pieces:
+            model.mat_specular[model.material(name).id] = appearance.specular
+        if appearance.texture_strength > 0 or self._has_marks:
+            self._draw_marks(["bin", *pieces], appearance)
+
+    def _draw_marks(self, materials: list[str], appearance: Appearance) -> None:
+        rng = np.random.default_rng(appearance.texture_seed)
+        for name in materials:
+            texture = self._model.texture(f"{name}_marks")
+            size, channels = int(texture.width[0]), int(texture.nchannel[0])
+            marks = surface_marks(rng, size, appearance.texture_strength, turned=name != "bin")
+            start = int(texture.adr[0])
+            self._model.tex_data[start : start + marks.size * channels] = np.repeat(marks.ravel(), channels)
+            # MuJoCo's renderer has no public way to its context, and textures live there.
+            mujoco.mjr_uploadTexture(self._model, self._renderer._mjr_context, texture.id)
+        self._has_marks = appearance.texture_strength > 0
+
+    def rgb(self, data: mujoco.MjData, camera: str | mujoco.MjvCamera) -> NDArray[np.uint8]:
+        """A picture, uint8 (H, W, 3)."""
+        self._renderer.update_scene(data, camera, self._option)
+        return np.asarray(self._renderer.render())
+
+    def overview(self, data: mujoco.MjData, width_px: int, height_px: int) -> NDArray[np.uint8]:
+        """A picture of the whole cell for people: daylight and finer shadows than the camera needs.
+
+        Args:
+            data: the state to draw.
+            width_px: at most 1280.
+            height_px: at most 960.
+        """
+        camera = mujoco.MjvCamera()
+        camera.lookat[:] = _OVERVIEW_TARGET
+        camera.distance, camera.azimuth, camera.elevation = 3.6, 218.0, -20.0
+        with self._daylight(), mujoco.Renderer(self._model, height_px, width_px) as renderer:
+            renderer.update_scene(data, camera, self._option)
+            return np.asarray(renderer.render())
+
+    @contextmanager
+    def _daylight(self) -> Iterator[None]:
+        """Make the key light a distant one with a large and fine shadow map, for renderers made meanwhile."""
+        model, light = self._model, self._model.light(KEY_LIGHT).id
+        quality, shadows = model.vis.quality, model.vis.map
+        before = quality.shadowsize, shadows.shadowclip
+        kept = [(field, field[light].copy()) for field in (model.light_type, model.light_dir, model.light_pos)]
+        quality.shadowsize, shadows.shadowclip = 4096, 2.5
+        model.light_type[light] = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+        model.light_dir[light] = _DAYLIGHT_DIRECTION
+        model.light_pos[light] = _OVERVIEW_TARGET - 4.0 * model.light_dir[light]
+        try:
+            yield
+        finally:
+            quality.shadowsize, shadows.shadowclip = before
+            for field, value in kept:
+                field[light] = value
+
+    def visibility(self, data: mujoco.MjData, camera: str) -> Visibility:
+        """Compare the pixels of each piece in the whole scene with those of the piece alone."""
+        geoms = [self._model.geom(f"piece_{i}").id for i in range(self._config.pieces)]
+        whole = self._segmentation(data, camera, self._option)
+        alone_option = mujoco.MjvOption()
+        alone_option.geomgroup[:] = 0
+        alone_option.geomgroup[_ALONE_GROUP] = 1
+        alone = []
+        for geom in geoms:
+            self._model.geom_group[geom] = _ALONE_GROUP
+            alone.append(self._segmentation(data, camera, alone_option) == geom)
+            self._model.geom_group[geom] = VISUAL_GROUP
+        return Visibility(np.stack([whole == geom for geom in geoms]), np.stack(alone))
+
+    def _segmentation(self, data: mujoco.MjData, camera: str, option: mujoco.MjvOption) -> NDArray[np.int32]:
+        """The geom number of every pixel (H, W), -1 where there is none; without shadows, which would only cost."""
+        self._renderer.update_scene(data, camera, option)
+        flags = self._renderer.scene.flags
+        shadow = flags[mujoco.mjtRndFlag.mjRND_SHADOW]
+        flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
+        self._renderer.enable_segmentation_rendering()
+        try:
+            numbers, kinds = np.moveaxis(self._renderer.render(), -1, 0)
+        finally:
+            self._renderer.disable_segmentation_rendering()
+            flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadow
+        return np.where(kinds == int(mujoco.mjtObj.mjOBJ_GEOM), numbers, -1)

@@ -1,0 +1,74 @@
+"""How far boxes stay from other boxes and from points, for many poses at once."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.gripper_geometry import Boxes
+
+Array = NDArray[np.float64]
+
+
+def points_clearance(tool: Boxes, rotations: Array, translations: Array, points: Array) -> Array:
+    """Signed distance of the nearest point to the tool, per pose.
+
+    Args:
+        tool: the tool's boxes in its own frame.
+        rotations: (K, 3, 3) of the tool's poses.
+        translations: (K, 3) in m.
+        points: (N, 3) obstacles in the poses' reference frame.
+
+    Returns:
+        (K,) distances in m, negative inside the tool; inf without points.
+    """
+    nearest = np.full(len(rotations), np.inf)
+    if not len(points):
+        return nearest
+    in_tool = np.einsum("kji,knj->kni", rotations, points[None] - translations[:, None])
+    for centre, rotation, half in zip(tool.centres, tool.rotations, tool.half_sizes, strict=True):
+        outside = np.abs((in_tool - centre) @ rotation) - half
+        distance = np.linalg.norm(np.maximum(outside, 0.0), axis=-1) + np.minimum(outside.max(axis=-1), 0.0)
+        nearest = np.minimum(nearest, distance.min(axis=1))
+    return nearest
+
+
+def boxes_clearance(tool: Boxes, rotations: Array, translations: Array, obstacles: Boxes) -> Array:
+    """A lower bound of the distance between the tool and box obstacles, per pose (separating axis theorem).
+
+    Args:
+        tool: the tool's boxes in its own frame.
+        rotations: (K, 3, 3) of the tool's poses.
+        translations: (K, 3) in m.
+        obstacles: boxes in the poses' reference frame.
+
+    Returns:
+        (K,) in m: exact where face meets face, too small (never too large) elsewhere; negative for overlap; inf
+        without obstacles.
+    """
+    nearest = np.full(len(rotations), np.inf)
+    for centre, rotation, half in zip(tool.centres, tool.rotations, tool.half_sizes, strict=True):
+        centres = rotations @ centre + translations
+        axes = rotations @ rotation
+        for other_centre, other_axes, other_half in zip(
+            obstacles.centres, obstacles.rotations, obstacles.half_sizes, strict=True
+        ):
+            gaps = _separation(centres, axes, half, other_centre, other_axes, other_half)
+            nearest = np.minimum(nearest, gaps)
+    return nearest
+
+
+def _separation(
+    centres: Array, axes: Array, half: Array, other_centre: Array, other_axes: Array, other_half: Array
+) -> Array:
+    """(K,) largest gap over the 15 separating axes of boxes against one box."""
+    others = np.broadcast_to(other_axes, axes.shape)
+    crossed = np.cross(axes[:, :, :, None], others[:, :, None, :], axisa=1, axisb=1, axisc=1).reshape(len(axes), 3, 9)
+    length = np.linalg.norm(crossed, axis=1, keepdims=True)
+    usable = length > 1e-6
+    crossed = np.where(usable, crossed / np.where(usable, length, 1.0), others[:, :, :1])
+    candidates = np.concatenate([axes, others, crossed], axis=2)
+    apart = np.abs(np.einsum("kia,ki->ka", candidates, other_centre - centres))
+    reach = np.einsum("kab,b->ka", np.abs(np.einsum("kia,kib->kab", candidates, axes)), half)
+    other_reach = np.einsum("kab,b->ka", np.abs(np.einsum("kia,ib->kab", candidates, other_axes)), other_half)
+    return (apart - reach - other_reach).max(axis=1)

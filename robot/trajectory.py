@@ -1,0 +1,194 @@
+"""Motion in time: jerk-limited joint moves, and straight lines of a tool."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import ruckig
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import RigidTransform, Slerp
+
+from robot.arm import JointLimits, joint_vector
+from robot.errors import UnreachableError
+from robot.kinematics import ArmKinematics
+from vision.errors import InputError
+
+Array = NDArray[np.float64]
+
+DEFAULT_DT_S = 0.004
+_LINE_STEP_M = 0.004
+_LINE_STEP_RAD = np.radians(1.0)
+# Between two neighbouring poses of a line no joint may turn further: the branch changed or the wrist is singular.
+_MAX_JOINT_STEP_RAD = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Joint angles and speeds at equal time steps, from rest to rest.
+
+    Attributes:
+        q: (N, 6) joint angles in rad; the first row is the start, the last the goal.
+        qd: (N, 6) joint speeds in rad/s.
+        dt_s: the time between two rows in s.
+    """
+
+    q: Array
+    qd: Array
+    dt_s: float
+
+    def __post_init__(self) -> None:
+        for name in ("q", "qd"):
+            values = np.array(getattr(self, name), dtype=float)
+            if values.ndim != 2 or values.shape[1] != 6 or values.shape != np.shape(self.q):
+                raise InputError(f"trajectory {name}", got=values.shape, expected="(N, 6), both alike")
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Run the constructor again after unpickling, so that the arrays stay read-only."""
+        return (Trajectory, (self.q, self.qd, self.dt_s))
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first row to the last."""
+        return (len(self.q) - 1) * self.dt_s
+
+
+def joint_trajectory(
+    q_start: ArrayLike, q_goal: ArrayLike, limits: JointLimits, dt_s: float = DEFAULT_DT_S
+) -> Trajectory:
+    """The fastest move between two joint positions, all joints arriving together.
+
+    Args:
+        q_start: (6,) in rad.
+        q_goal: (6,) in rad.
+        limits: what the joints may do; see `JointLimits.scaled` for slower moves.
+        dt_s: time step of the result in s.
+
+    Raises:
+        InputError: when an end is not six finite numbers within the limits.
+    """
+    ends = joint_vector(q_start), joint_vector(q_goal)
+    for name, q in zip(("start", "goal"), ends, strict=True):
+        if not limits.contain(q, tolerance_rad=1e-3):
+            raise InputError(
+                f"{name} of the joint move (deg)",
+                got=np.degrees(q).round(2).tolist(),
+                expected=f"within {limits.range_deg}",
+            )
+    q, qd = _rest_to_rest(*ends, limits.velocity, limits.acceleration, limits.jerk, dt_s)
+    return Trajectory(q, qd, dt_s)
+
+
+def cartesian_line(
+    kinematics: ArmKinematics,
+    T_world_start: RigidTransform,
+    T_world_goal: RigidTransform,
+    seed_q: ArrayLike,
+    *,
+    T_flange_tool: RigidTransform | None = None,
+    limits: JointLimits | None = None,
+    dt_s: float = DEFAULT_DT_S,
+) -> Trajectory:
+    """A straight line of the tool's origin at an evenly turning orientation.
+
+    The line is followed by dense inverse kinematics from the seed on; ruckig then times the way along it, so slowly
+    that no joint exceeds its limits.
+
+    Args:
+        kinematics: the arm.
+        T_world_start: the tool's pose at the start.
+        T_world_goal: the tool's pose at the end.
+        seed_q: (6,) joint angles near (or at) the start, in rad.
+        T_flange_tool: the tool on the flange; the flange itself when None.
+        limits: what the joints may do; the arm's own when None.
+        dt_s: time step of the result in s.
+
+    Raises:
+        InputError: when an argument is not finite.
+        UnreachableError: when a pose on the line is out of reach, or the line meets a wrist singularity.
+    """
+    limits = kinematics.limits if limits is None else limits
+    T_tool_flange = RigidTransform.identity() if T_flange_tool is None else T_flange_tool.inv()
+    T_start_goal = T_world_start.inv() * T_world_goal
+    distance, angle = float(np.linalg.norm(T_start_goal.translation)), float(T_start_goal.rotation.magnitude())
+    steps = max(4, int(np.ceil(max(distance / _LINE_STEP_M, angle / _LINE_STEP_RAD))))
+    fractions = np.linspace(0.0, 1.0, steps + 1)
+    rows = _follow(kinematics, _line(T_world_start, T_world_goal, fractions), T_tool_flange, joint_vector(seed_q))
+    if np.abs(rows - rows[0]).max() < 1e-9:
+        return Trajectory(rows[:1], np.zeros((1, 6)), dt_s)
+    path = CubicSpline(fractions, rows)
+    along, speed = _rest_to_rest(np.zeros(1), np.ones(1), *_path_limits(path, limits), dt_s)
+    q = np.asarray(path(along[:, 0]))
+    q[0], q[-1] = rows[0], rows[-1]
+    return Trajectory(q, np.asarray(path(along[:, 0], 1)) * speed, dt_s)
+
+
+def _line(T_start: RigidTransform, T_goal: RigidTransform, fractions: Array) -> list[RigidTransform]:
+    turns = Slerp([0.0, 1.0], RigidTransform.concatenate([T_start, T_goal]).rotation)(fractions)
+    points = T_start.translation + fractions[:, None] * (T_goal.translation - T_start.translation)
+    return [RigidTransform.from_components(point, turn) for point, turn in zip(points, turns, strict=True)]
+
+
+def _follow(
+    kinematics: ArmKinematics, poses: list[RigidTransform], T_tool_flange: RigidTransform, seed: Array
+) -> Array:
+    rows = [kinematics.inverse(poses[0] * T_tool_flange, seed)]
+    for index, pose in enumerate(poses[1:], start=1):
+        rows.append(kinematics.inverse(pose * T_tool_flange, rows[-1]))
+        jump = float(np.abs(rows[-1] - rows[-2]).max())
+        if jump > _MAX_JOINT_STEP_RAD:
+            raise UnreachableError(
+                "straight line",
+                got=f"a joint turns {np.degrees(jump):.1f} deg within {100 / (len(poses) - 1):.1f} % of it,"
+                f" at {100 * index / (len(poses) - 1):.0f} %",
+                expected=f"at most {np.degrees(_MAX_JOINT_STEP_RAD):.1f} deg",
+                do="Tilt the tool, start from another joint position, or move through joint space.",
+            )
+    return np.array(rows)
+
+
+def _path_limits(path: CubicSpline, limits: JointLimits) -> tuple[Array, Array, Array]:
+    """Limits of the fraction s along q(s) that keep every joint within its own.
+
+    By the chain rule q'' gets two terms and q''' three; each is given its equal share of the limit.
+    """
+    s = np.linspace(0.0, 1.0, 4 * len(path.x))
+    first, second, third = (np.abs(path(s, order)).max(axis=0) + 1e-12 for order in (1, 2, 3))
+    velocity = min(
+        (limits.velocity / first).min(),
+        np.sqrt(limits.acceleration / 2 / second).min(),
+        np.cbrt(limits.jerk / 3 / third).min(),
+    )
+    acceleration = min((limits.acceleration / 2 / first).min(), (limits.jerk / 9 / (second * velocity)).min())
+    jerk = (limits.jerk / 3 / first).min()
+    return np.array([velocity]), np.array([acceleration]), np.array([jerk])
+
+
+def _rest_to_rest(
+    start: Array, goal: Array, velocity: Array, acceleration: Array, jerk: Array, dt_s: float
+) -> tuple[Array, Array]:
+    """Positions and speeds (N, D) of the time-optimal jerk-limited move."""
+    if not dt_s > 0:
+        raise InputError("time step (s)", got=dt_s, expected="above zero")
+    query = ruckig.InputParameter(len(start))
+    query.current_position, query.target_position = start.tolist(), goal.tolist()
+    query.max_velocity, query.max_acceleration, query.max_jerk = (
+        velocity.tolist(),
+        acceleration.tolist(),
+        jerk.tolist(),
+    )
+    profile = ruckig.Trajectory(len(start))
+    result = ruckig.Ruckig(len(start), dt_s).calculate(query, profile)
+    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+        raise InputError("motion", got=f"ruckig's {result}", expected="a feasible move", do="Check the limits.")
+    count = int(np.ceil(profile.duration / dt_s - 1e-9)) + 1
+    samples = [profile.at_time(min(i * dt_s, profile.duration)) for i in range(count)]
+    positions, speeds = np.array([s[0] for s in samples]), np.array([s[1] for s in samples])
+    positions[0], positions[-1], speeds[-1] = start, goal, 0.0
+    return positions.reshape(count, -1), speeds.reshape(count, -1)

@@ -1,0 +1,142 @@
+"""The walls between the packages, held by reading every import (CONTRIBUTING.md, "Walls")."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("vision", "robot", "benchmark")
+FILES = tuple(sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py")))
+
+VISION_MAY_IMPORT = {"vision", "numpy", "scipy", "cv2", "filterpy", "numba"}
+ROBOT_MAY_IMPORT = {"robot", "numpy", "scipy", "mujoco", "mink", "ruckig"}
+VALUE_TYPES = ("vision.camera", "vision.errors")
+EDITOR = "vision/teaching/editor.py"
+SCENE = "benchmark/world/scene.py"
+
+
+@dataclass(frozen=True)
+class Import:
+    """One imported thing: `from a.b import c` and `import a.b.c` both have the target a.b.c."""
+
+    target: str
+    line: int
+
+    @property
+    def root(self) -> str:
+        return self.target.partition(".")[0]
+
+    def is_in(self, module: str) -> bool:
+        return self.target == module or self.target.startswith(module + ".")
+
+    @property
+    def is_private(self) -> bool:
+        parts = self.target.split(".")
+        return any(part.startswith("_") and not part.endswith("__") for part in parts)
+
+
+def imports(source: str, path: str) -> list[Import]:
+    """All imports of a file, whether at its top, in a function or for type checking; relative ones made absolute."""
+    package = path.removesuffix(".py").split("/")[:-1]
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            found += [Import(alias.name, node.lineno) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            module = ".".join([*base, *([node.module] if node.module else [])])
+            found += [Import(f"{module}.{alias.name}", node.lineno) for alias in node.names]
+    return found
+
+
+def broken_walls(source: str, path: str) -> list[str]:
+    """What a file imports and should not.
+
+    Args:
+        source: the file's text.
+        path: its path from the root of the repository, with slashes.
+
+    Returns:
+        One sentence per offending import.
+    """
+    return [
+        f"{path}:{item.line}: {complaint}" for item in imports(source, path) for complaint in _complaints(item, path)
+    ]
+
+
+def _complaints(item: Import, path: str) -> list[str]:
+    home = path.split("/")[0]
+    known = item.root in sys.stdlib_module_names
+    complaints = []
+    if home == "vision" and not known and item.root not in VISION_MAY_IMPORT | _extra(path):
+        complaints.append(f"vision may not import {item.target}")
+    if home == "robot" and not known and item.root not in ROBOT_MAY_IMPORT and not any(map(item.is_in, VALUE_TYPES)):
+        complaints.append(f"robot may not import {item.target}")
+    if item.is_in("vision.teaching") and home == "vision" and not path.startswith("vision/teaching/"):
+        complaints.append(f"vision may not import {item.target}: teaching imports vision, not the other way round")
+    if item.root == "dm_control" and path != SCENE:
+        complaints.append(f"only {SCENE} may import {item.target}")
+    if item.is_private and item.root != home:
+        complaints.append(f"{item.target} is private to another package")
+    return complaints
+
+
+def _extra(path: str) -> set[str]:
+    return {"nicegui"} if path == EDITOR else set()
+
+
+@pytest.mark.parametrize("path", [file.relative_to(ROOT).as_posix() for file in FILES])
+def test_file_respects_the_walls(path):
+    assert broken_walls((ROOT / path).read_text(encoding="utf-8"), path) == []
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_package_is_read(package):
+    assert any(file.is_relative_to(ROOT / package) for file in FILES)
+
+
+@pytest.mark.parametrize(
+    ("path", "source"),
+    [
+        ("vision/pose.py", "import mujoco"),
+        ("vision/pose.py", "import robot.arm"),
+        ("vision/pose.py", "def f():\n    from benchmark import config"),
+        ("vision/pose.py", "from vision.teaching import session"),
+        ("vision/pose.py", "from .teaching.session import Session"),
+        ("vision/pose.py", "from scipy.optimize._lsq import trf"),
+        ("vision/teaching/session.py", "import nicegui"),
+        ("robot/arm.py", "import cv2"),
+        ("robot/arm.py", "from vision.edges import canny"),
+        ("robot/arm.py", "from vision import Camera"),
+        ("robot/arm.py", "from dm_control import mjcf"),
+        ("benchmark/cli.py", "import dm_control.mjcf"),
+        ("benchmark/cli.py", "from vision.camera import _project"),
+        ("benchmark/cli.py", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from dm_control import mjcf"),
+    ],
+)
+def test_a_broken_wall_is_found(path, source):
+    last_line = source.count("\n") + 1
+    complaints = broken_walls(source, path)
+    assert complaints
+    assert all(complaint.startswith(f"{path}:{last_line}: ") for complaint in complaints)
+
+
+@pytest.mark.parametrize(
+    ("path", "source"),
+    [
+        ("vision/pose.py", "from __future__ import annotations\nimport math\nimport cv2\nfrom scipy import linalg"),
+        ("vision/pose.py", "from .ellipse import Ellipse\nfrom vision.ellipse import _helper"),
+        ("vision/teaching/session.py", "from vision.teaching import operator\nfrom ..pose import Pose"),
+        ("vision/teaching/editor.py", "from nicegui import ui"),
+        ("robot/arm.py", "import mujoco\nimport mink\nfrom vision.errors import InputError"),
+        ("benchmark/world/scene.py", "from dm_control import mjcf"),
+        ("benchmark/cli.py", "import vision\nfrom vision.teaching import session\nfrom robot import arm"),
+    ],
+)
+def test_what_is_allowed_passes(path, source):
+    assert broken_walls(source, path) == []

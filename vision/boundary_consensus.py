@@ -1,0 +1,106 @@
+"""Which points of a boundary lie on one conic, and the conic that most of them agree on."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_STRETCHES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.16)
+"""Parts of a boundary that are tried as arcs of one ellipse."""
+
+_MIN_STRETCH = 10
+"""Points of the shortest stretch."""
+
+_MIN_TURN_COS = np.cos(np.radians(25.0))
+"""Between the normals of a boundary and of its ellipse: a boundary point must run along the ellipse, not cross it."""
+
+
+@njit(cache=True)
+def agree(conic, points, outwards, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Which points lie on a conic, where the boundary faces the way the conic does.
+
+    Args:
+        conic: (3, 3) symmetric, negative inside.
+        points: (N, 2) boundary points.
+        outwards: (N, 2) unit normals out of the curve.
+        tolerance: largest distance to the conic, in the unit of the points.
+
+    Returns:
+        (N,) bool.
+    """
+    on_conic = np.zeros(len(points), np.bool_)
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        slope_x = conic[0, 0] * x + conic[0, 1] * y + conic[0, 2]
+        slope_y = conic[0, 1] * x + conic[1, 1] * y + conic[1, 2]
+        value = x * slope_x + y * slope_y + conic[0, 2] * x + conic[1, 2] * y + conic[2, 2]
+        steepness = np.hypot(slope_x, slope_y)
+        facing = slope_x * outwards[i, 0] + slope_y * outwards[i, 1]
+        on_conic[i] = abs(value) <= 2 * tolerance * steepness and facing >= _MIN_TURN_COS * steepness
+    return on_conic
+
+
+@njit(cache=True)
+def explained(conics, counts, points, outwards, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Which points lie on one of the conics (M, 3, 3) that was found with about as many points (M,), or more."""
+    known = np.zeros(len(points), np.bool_)
+    for k in range(len(conics)):
+        on_conic = agree(conics[k], points, outwards, tolerance)
+        if counts[k] >= 0.9 * np.count_nonzero(on_conic):
+            known |= on_conic
+    return known
+
+
+@njit(cache=True)
+def best_stretch(points, outwards, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """The conic, fitted to a stretch of a closed boundary, that most of all points agree with.
+
+    Args:
+        points: (N, 2) in order, centred and of unit size.
+        outwards: (N, 2) unit normals out of the curve.
+        tolerance: as in :func:`agree`.
+
+    Returns:
+        The conic (3, 3), and the number of points that agree with it; 0 where no stretch is part of an ellipse.
+    """
+    n = len(points)
+    sums = _running_sums(points)
+    best, best_count = np.zeros((3, 3)), 0
+    for part in _STRETCHES:
+        length = int(part * n)
+        if part < 1.0 and length < _MIN_STRETCH:
+            break
+        for first in range(0, n if part < 1.0 else 1, max(length // 3, 1)):
+            conic = _fit_conic(sums[first + length] - sums[first])
+            if conic[0, 0] * conic[1, 1] <= conic[0, 1] ** 2:
+                continue
+            count = int(np.count_nonzero(agree(conic, points, outwards, tolerance)))
+            if count > best_count:
+                best, best_count = conic, count
+    return best, best_count
+
+
+@njit(cache=True)
+def _running_sums(points):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """(2 N + 1, 6, 6) sums of the normal equations over the first points, twice round the boundary.
+
+    The conic is a x² + b xy + c y² + d x + e y + f = 0 with a + c = 1, which leaves five unknowns, linear.
+    """
+    n = len(points)
+    sums = np.zeros((2 * n + 1, 6, 6))
+    row = np.empty(6)
+    for i in range(2 * n):
+        x, y = points[i % n, 0], points[i % n, 1]
+        row[0], row[1], row[2], row[3], row[4], row[5] = x * x - y * y, x * y, x, y, 1.0, y * y
+        for j in range(6):
+            for k in range(6):
+                sums[i + 1, j, k] = sums[i, j, k] + row[j] * row[k]
+    return sums
+
+
+@njit(cache=True)
+def _fit_conic(sums):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """The least-squares conic (3, 3) of normal equations as in :func:`_running_sums`."""
+    normal = sums[:5, :5] + 1e-9 * np.eye(5)
+    a, b, d, e, f = np.linalg.solve(normal, -sums[:5, 5].copy())
+    return np.array([[a, b / 2, d / 2], [b / 2, 1 - a, e / 2], [d / 2, e / 2, f]])

@@ -1,0 +1,158 @@
+"""The Kalman filter of Section 5.2 (iii): an ellipse p = (u1, v1, u2, v2, s) from edge points, by eq. (3).
+
+The state does not move, and every edge point z gives one scalar measurement f(p, z) = 0. All points of a group
+enter as one batch. The filter is iterated: it is linearised again at its own result, from the same prior, until
+it stands still. Points beyond the gate take no part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
+from numpy.typing import NDArray
+
+from vision.ellipse import Ellipse, focal_jacobian, focal_residual
+from vision.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FilterParameters:
+    """How the filter is run.
+
+    Attributes:
+        noise_floor_px: smallest standard deviation of an edge point across the edge.
+        correlation_px: distance along an edge over which the errors of edge points are correlated. White noise
+            smoothed with a Gaussian of deviation t has the correlation exp(-d² / 4t²), whose integral is
+            t sqrt(4 pi): 3.5 px for t = 1 px. Points that lie closer count for less.
+        gate: points further off than this many standard deviations are left out.
+        prior_px: standard deviation of each component of the initial estimate.
+        iterations: largest number of linearisations.
+    """
+
+    noise_floor_px: float = 0.03
+    correlation_px: float = 3.5
+    gate: float = 3.0
+    prior_px: float = 20.0
+    iterations: int = 5
+
+    def __post_init__(self) -> None:
+        values = np.array([self.noise_floor_px, self.gate, self.prior_px, self.iterations])
+        if not np.isfinite(values).all() or values.min() <= 0 or not self.correlation_px >= 0:
+            raise InputError("filter parameters", got=self, expected="positive numbers")
+
+
+@dataclass(frozen=True, eq=False)
+class FilterResult:
+    """What the filter found.
+
+    Attributes:
+        ellipse: the estimate with its covariance.
+        fitting_error_px: mean of |f| / |df/dz| over the points within the gate: their distance to the ellipse.
+        inliers: (N,) which of the points lie within the gate.
+    """
+
+    ellipse: Ellipse
+    fitting_error_px: float
+    inliers: NDArray[np.bool_]
+
+
+def moment_estimate(points: Array) -> Array:
+    """The initial estimate of p (5,) from centroid and moments of inertia of points (N, 2).
+
+    The paper puts both focal points into the centroid. There df/dp is the same for both of them, so that no
+    linearised filter can ever part them again; they are therefore set off along the long axis of inertia. Meant
+    for points all around: the centroid of a short arc lies on the arc itself, and the grouping hands the filter an
+    algebraic fit instead.
+    """
+    centroid = points.mean(axis=0)
+    spread, axes = np.linalg.eigh(np.cov(points.T, bias=True))
+    # A thin ring of semi-axis a has the variance a² / 2 along that axis.
+    semi_minor, semi_major = np.sqrt(2 * np.maximum(spread, 1e-6))
+    focal = np.sqrt(semi_major**2 - semi_minor**2) * axes[:, 1]
+    return np.array([*(centroid + focal), *(centroid - focal), 2 * semi_major])
+
+
+def distances(p: Array, points: Array) -> tuple[Array, Array]:
+    """Signed distance of points (N, 2) to the ellipse, to first order, and |df/dz| (N,)."""
+    d1, d2 = points - p[:2], points - p[2:4]
+    unit1 = d1 / np.maximum(np.hypot(d1[:, 0], d1[:, 1]), 1e-9)[:, None]
+    unit2 = d2 / np.maximum(np.hypot(d2[:, 0], d2[:, 1]), 1e-9)[:, None]
+    slope = np.maximum(np.hypot(*(unit1 + unit2).T), 1e-3)
+    return focal_residual(p, points) / slope, slope
+
+
+def fit_ellipse(
+    points: Array,
+    initial: Array | None = None,
+    spacing_px: float = np.inf,
+    parameters: FilterParameters | None = None,
+) -> FilterResult | None:
+    """Fit an ellipse to edge points with the iterated extended Kalman filter.
+
+    Args:
+        points: (N, 2) edge points in pixels, N at least 6.
+        initial: (5,) first estimate of p; by default from the moments.
+        spacing_px: mean distance of neighbouring points along the edge.
+        parameters: noise, gate, prior.
+
+    Returns:
+        The result, or None when the points do not determine a real ellipse.
+
+    Raises:
+        InputError: for points of a wrong shape, too few of them, or not finite.
+    """
+    parameters = parameters or FilterParameters()
+    points = np.asarray(points, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 6 or not np.isfinite(points).all():
+        raise InputError("edge points", got=f"shape {points.shape}", expected="at least 6 finite points (N, 2)")
+    p = np.array(moment_estimate(points) if initial is None else initial, dtype=float)
+    prior = p.copy()
+    # Without an initial estimate from a fit the prior must not hold the filter back.
+    prior_px = max(parameters.prior_px, p[4])
+    inliers = np.ones(len(points), bool)
+    for _ in range(parameters.iterations):
+        offset, _slope = distances(p, points)
+        deviation = _robust_deviation(offset, parameters.noise_floor_px)
+        inliers = np.abs(offset) <= parameters.gate * deviation
+        if np.count_nonzero(inliers) < 6:
+            return None
+        posterior, covariance = _update(prior, p, prior_px, points[inliers], deviation)
+        step = np.abs(posterior - p).max()
+        p = posterior
+        if not np.isfinite(p).all() or p[4] <= np.hypot(p[0] - p[2], p[1] - p[3]):
+            return None
+        if step < 1e-3:
+            break
+    offset, _slope = distances(p, points[inliers])
+    # 5 degrees of freedom were spent on p.
+    deviation = max(np.sqrt(offset @ offset / max(len(offset) - 5, 1)), parameters.noise_floor_px)
+    inflation = max(1.0, parameters.correlation_px / spacing_px)
+    _, covariance = _update(prior, p, prior_px, points[inliers], deviation * np.sqrt(inflation))
+    return FilterResult(Ellipse(p, covariance), float(np.abs(offset).mean()), inliers)
+
+
+def _robust_deviation(offset: Array, floor: float) -> float:
+    """Standard deviation from the median absolute value, which outliers do not reach."""
+    return max(1.4826 * float(np.median(np.abs(offset))), floor)
+
+
+def _update(prior: Array, at: Array, prior_px: float, points: Array, deviation: float) -> tuple[Array, Array]:
+    """One update of the filter from the prior, linearised at another estimate: posterior p and covariance.
+
+    The N measurements are first rotated by the Q of H = Q R, which leaves 5 that hold all the information (N - 5
+    combinations do not depend on p); the gain then needs the inverse of a 5x5 matrix, not of an N x N one.
+    """
+    residual, slope = distances(at, points)
+    weight = 1 / (slope * deviation)  # to unit variance: R = (deviation |df/dz|)²
+    q, r = np.linalg.qr(focal_jacobian(at, points) * weight[:, None])
+    measured = -q.T @ (residual / deviation) + r @ (at - prior)
+    ekf = ExtendedKalmanFilter(dim_x=5, dim_z=5)
+    ekf.x = prior[:, None].copy()
+    ekf.P = np.eye(5) * prior_px**2
+    # filterpy's update is in Joseph's form.
+    ekf.update(measured[:, None], HJacobian=lambda _: r, Hx=lambda _: np.zeros((5, 1)))
+    return np.asarray(ekf.x[:, 0]), np.asarray((ekf.P + ekf.P.T) / 2)

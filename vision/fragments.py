@@ -1,0 +1,285 @@
+"""Fragments of Section 5.2 (i): edge chains divided into smooth convex arcs.
+
+A chain is first described by a polygon that stays within a tolerance of it. Along a smooth arc the polygon's
+angles and sides are tied together: sides of length L that meet at the angle t have a sagitta of about L t / 8,
+which the tolerance bounds. Where the angle is larger than the sides allow there is a corner (or a straight line
+runs into a curve), and where the sense of turning changes there is an inflection. Both divide the chain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from vision.edges import EdgeMap
+from vision.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FragmentParameters:
+    """How chains are divided.
+
+    Attributes:
+        tolerance_px: largest distance of a chain from its polygon.
+        corner_factor: the sagitta, over the tolerance, from which an angle of the polygon counts as a corner.
+        min_length_px: shorter fragments are dropped.
+        min_turn_rad: fragments that turn by less are straight and are dropped.
+        min_sagitta_px: fragments that bulge by less from their chord are straight and are dropped.
+        grey_offset_px: distance from the edge at which the grey levels inside and outside are measured.
+    """
+
+    tolerance_px: float = 0.7
+    corner_factor: float = 3.0
+    min_length_px: float = 10.0
+    min_turn_rad: float = 0.2
+    min_sagitta_px: float = 0.8
+    grey_offset_px: float = 3.0
+
+    def __post_init__(self) -> None:
+        values = np.array([self.tolerance_px, self.corner_factor, self.min_length_px, self.grey_offset_px])
+        if not np.isfinite(values).all() or values.min() <= 0:
+            raise InputError("fragment parameters", got=self, expected="positive numbers")
+
+
+@dataclass(frozen=True, eq=False)
+class Fragment:
+    """A smooth convex arc of one chain.
+
+    Attributes:
+        points: (N, 2) sub-pixel edge points, pixels; read-only view into the edge map.
+        gradients: (N, 2) unit gradients at the points.
+        start: number of the first point in the edge map.
+        inside_brighter: whether the inner side of the arc is the brighter one.
+        centre_of_mass: (2,) mean of the points.
+        turn_rad: angle by which the tangent turns from end to end.
+        grey_inside: mean grey level along the inner side.
+        grey_outside: mean grey level along the outer side.
+    """
+
+    points: Array
+    gradients: Array
+    start: int
+    inside_brighter: bool
+    centre_of_mass: Array
+    turn_rad: float
+    grey_inside: float
+    grey_outside: float
+
+    def __post_init__(self) -> None:
+        for name in ("points", "gradients", "centre_of_mass"):
+            array = np.asarray(getattr(self, name), dtype=float).view()
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Run the constructor again after unpickling, so that the arrays stay read-only."""
+        values = (self.points, self.gradients, self.start, self.inside_brighter, self.centre_of_mass)
+        return (Fragment, (*values, self.turn_rad, self.grey_inside, self.grey_outside))
+
+    @property
+    def endpoints(self) -> Array:
+        """(2, 2) first and last point."""
+        return self.points[[0, -1]]
+
+
+@dataclass(frozen=True, eq=False)
+class FragmentTable:
+    """All fragments of an image as columns: what the pairwise constraints read.
+
+    Attributes:
+        start: (F,) number of the first edge point.
+        stop: (F,) one past the number of the last edge point.
+        inside_brighter: (F,) sense of the contrast.
+        endpoints: (F, 2, 2) first and last point, along the inner side turned to the right of the walk.
+        normals: (F, 3, 2) unit normals towards the inside: of the tangent at either endpoint, and of the chord.
+        centre_of_mass: (F, 2) mean of the points.
+        turn_rad: (F,) angle by which the tangent turns.
+        length_px: (F,) length of the arc.
+        grey: (F, 2) mean grey level inside and outside.
+    """
+
+    start: NDArray[np.int64]
+    stop: NDArray[np.int64]
+    inside_brighter: NDArray[np.bool_]
+    endpoints: Array
+    normals: Array
+    centre_of_mass: Array
+    turn_rad: Array
+    length_px: Array
+    grey: Array
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    def fragment(self, number: int, edges: EdgeMap) -> Fragment:
+        """One fragment with its points."""
+        span = slice(int(self.start[number]), int(self.stop[number]))
+        return Fragment(
+            points=edges.points[span],
+            gradients=edges.gradients[span],
+            start=span.start,
+            inside_brighter=bool(self.inside_brighter[number]),
+            centre_of_mass=self.centre_of_mass[number],
+            turn_rad=float(self.turn_rad[number]),
+            grey_inside=float(self.grey[number, 0]),
+            grey_outside=float(self.grey[number, 1]),
+        )
+
+
+def extract_fragments(
+    edges: EdgeMap, image: NDArray[np.uint8], parameters: FragmentParameters | None = None
+) -> FragmentTable:
+    """Divide all chains of an image into smooth convex fragments.
+
+    Args:
+        edges: chains of the image.
+        image: (H, W) uint8, read for the grey levels beside the edge.
+        parameters: thresholds.
+
+    Raises:
+        InputError: when the edges are not of this image.
+    """
+    parameters = parameters or FragmentParameters()
+    if edges.index.shape != image.shape:
+        raise InputError("edge map", got=f"for {edges.index.shape}", expected=f"one of the image {image.shape}")
+    start, stop, sense = _divide(edges.points, edges.offsets, parameters.tolerance_px, parameters.corner_factor)
+    columns = _measure(edges.points, edges.gradients, start, stop, sense, image, parameters.grey_offset_px)
+    endpoints, normals, centre, turn, length, sagitta, grey = columns
+    keep = (
+        (length >= parameters.min_length_px)
+        & (turn >= parameters.min_turn_rad)
+        & (sagitta >= parameters.min_sagitta_px)
+    )
+    inside_brighter = sense < 0
+    table = (start, stop, inside_brighter, endpoints, normals, centre, turn, length, grey)
+    return FragmentTable(*(column[keep] for column in table))
+
+
+@njit(cache=True)
+def _polygon(points, first, last, tolerance, keep):  # type: ignore[no-untyped-def]
+    """Mark the vertices of a polygon within tolerance of points[first:last + 1] (Ramer, Douglas, Peucker)."""
+    stack = [(first, last)]
+    keep[first] = keep[last] = True
+    while len(stack) > 0:
+        a, b = stack.pop()
+        cx, cy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+        chord = np.sqrt(cx * cx + cy * cy)
+        worst, at = tolerance, -1
+        for k in range(a + 1, b):
+            dx, dy = points[k, 0] - points[a, 0], points[k, 1] - points[a, 1]
+            if chord < 3.0:  # a loop: the line through its ends says nothing
+                distance = np.sqrt(dx * dx + dy * dy)
+            else:
+                distance = abs(dx * cy - dy * cx) / chord
+            if distance > worst:
+                worst, at = distance, k
+        if at >= 0:
+            keep[at] = True
+            stack.append((a, at))
+            stack.append((at, b))
+
+
+@njit(cache=True)
+def _divide(points, offsets, tolerance, corner_factor):  # type: ignore[no-untyped-def]
+    """First and one-past-last point, and sense of turning (+1: from x towards y), of the parts of all chains."""
+    keep = np.zeros(len(points), np.bool_)
+    starts, stops, senses = [0], [0], [0]
+    for c in range(len(offsets) - 1):
+        first, last = offsets[c], offsets[c + 1] - 1
+        _polygon(points, first, last, tolerance, keep)
+        begin, sense, previous = first, 0, first
+        px, py, p_length = 0.0, 0.0, 0.0
+        vertex = first
+        for k in range(first + 1, last + 1):
+            if not keep[k]:
+                continue
+            sx, sy = points[k, 0] - points[vertex, 0], points[k, 1] - points[vertex, 1]
+            length = np.sqrt(sx * sx + sy * sy)
+            if vertex != begin and vertex != first:
+                turn = np.arctan2(px * sy - py * sx, px * sx + py * sy)
+                longer = max(length, p_length)
+                sagitta = longer * longer * abs(turn) / (4 * (length + p_length))
+                if sagitta > corner_factor * tolerance or abs(turn) > 1.4:
+                    starts.append(begin)
+                    stops.append(vertex + 1)
+                    senses.append(sense)
+                    begin, sense = vertex, 0
+                elif abs(turn) > 0.03:
+                    new_sense = 1 if turn > 0 else -1
+                    if sense != 0 and new_sense != sense:
+                        middle = (previous + vertex) // 2
+                        starts.append(begin)
+                        stops.append(middle + 1)
+                        senses.append(sense)
+                        begin = middle
+                    sense = new_sense
+            px, py, p_length = sx, sy, length
+            previous, vertex = vertex, k
+        starts.append(begin)
+        stops.append(last + 1)
+        senses.append(sense)
+    return np.array(starts)[1:], np.array(stops)[1:], np.array(senses)[1:]
+
+
+@njit(cache=True)
+def _grey_along(image, points, gradients, start, stop, offset):  # type: ignore[no-untyped-def]
+    """Mean grey level at a signed offset along the gradient from every second point."""
+    height, width = image.shape
+    total, n = 0.0, 0
+    for k in range(start, stop, 2):
+        x = int(np.rint(points[k, 0] + offset * gradients[k, 0]))
+        y = int(np.rint(points[k, 1] + offset * gradients[k, 1]))
+        total += image[min(max(y, 0), height - 1), min(max(x, 0), width - 1)]
+        n += 1
+    return total / max(n, 1)
+
+
+@njit(cache=True)
+def _measure(points, gradients, start, stop, sense, image, offset):  # type: ignore[no-untyped-def]
+    """The columns of the table: endpoints, normals, centre of mass, turn, length, sagitta, grey levels."""
+    n = len(start)
+    endpoints, normals, centre = np.zeros((n, 2, 2)), np.zeros((n, 3, 2)), np.zeros((n, 2))
+    turn, length, sagitta, grey = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((n, 2))
+    for f in range(n):
+        a, b, side = start[f], stop[f] - 1, sense[f]
+        if b - a < 5 or side == 0:
+            continue
+        # The tangent angle adds up along the arc from gradients a few points apart, which bridges their noise.
+        step = 3
+        for k in range(a, b - step + 1, step):
+            j = min(k + step, b)
+            cross = gradients[k, 0] * gradients[j, 1] - gradients[k, 1] * gradients[j, 0]
+            dot = gradients[k, 0] * gradients[j, 0] + gradients[k, 1] * gradients[j, 1]
+            turn[f] += side * np.arctan2(cross, dot)
+        for k in range(a, b + 1):
+            centre[f, 0] += points[k, 0] / (b + 1 - a)
+            centre[f, 1] += points[k, 1] / (b + 1 - a)
+            if k > a:
+                length[f] += np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
+        endpoints[f, 0], endpoints[f, 1] = points[a], points[b]
+        chord = points[b] - points[a]
+        size = max(np.hypot(chord[0], chord[1]), 1e-9)
+        # Turning from x towards y (side +1) has the inside at the tangent + 90 degrees.
+        normals[f, 2, 0], normals[f, 2, 1] = -side * chord[1] / size, side * chord[0] / size
+        for k in range(a, b + 1):
+            offset_k = (points[k, 0] - points[a, 0]) * normals[f, 2, 0] + (points[k, 1] - points[a, 1]) * normals[
+                f, 2, 1
+            ]
+            sagitta[f] = max(sagitta[f], -offset_k)
+        window = min(5, b - a)
+        for end in range(2):
+            low = a if end == 0 else b - window
+            gx, gy = 0.0, 0.0
+            for k in range(low, low + window + 1):
+                gx += gradients[k, 0]
+                gy += gradients[k, 1]
+            norm = max(np.hypot(gx, gy), 1e-9)
+            normals[f, end, 0], normals[f, end, 1] = -side * gx / norm, -side * gy / norm
+        grey[f, 0] = _grey_along(image, points, gradients, a, b + 1, -side * offset)
+        grey[f, 1] = _grey_along(image, points, gradients, a, b + 1, side * offset)
+    return endpoints, normals, centre, turn, length, sagitta, grey

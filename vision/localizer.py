@@ -1,0 +1,166 @@
+"""The seam between the benchmark and a vision method: views in, poses out.  No localizer is ever given the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol, runtime_checkable
+
+from vision.camera import View
+from vision.candidates import Workspace
+from vision.ellipse import Ellipse
+from vision.errors import InputError
+from vision.evidence import EdgeField
+from vision.features import EllipseFeature, Process
+from vision.grouping import GroupingParameters, group_ellipses
+from vision.matching import Matcher, MatchingParameters
+from vision.pose import PoseEstimate
+from vision.regions import region_ellipses
+from vision.segmentation import segment
+from vision.vision_model import VisionModel
+
+
+@dataclass(frozen=True, eq=False)
+class Localization:
+    """What a localizer says about a scene.
+
+    Attributes:
+        estimates: the poses it stands by, best first.
+        features: extracted ellipses, one tuple per view; empty for methods that extract none.
+        by_process: for methods with several extractors, what each would have said alone.
+    """
+
+    estimates: tuple[PoseEstimate, ...]
+    features: tuple[tuple[EllipseFeature, ...], ...] = ()
+    by_process: dict[str, tuple[PoseEstimate, ...]] = field(default_factory=dict)
+
+
+@runtime_checkable
+class Localizer(Protocol):
+    """Finds taught parts in views of a scene."""
+
+    @property
+    def name(self) -> str:
+        """The name under which results are recorded."""
+        ...
+
+    def localize(self, views: Sequence[View], workspace: Workspace | None = None) -> Localization:
+        """Find the parts.
+
+        Args:
+            views: one or more images with intrinsics and camera poses, as far as the robot knows them.
+            workspace: the box in which parts can be.
+        """
+        ...
+
+
+class EllipseLocalizer:
+    """The paper's system: two extractors, two-phase matching, pose from all views.
+
+    ``processes`` chooses the extractors: both ("dual"), or region growing alone, as in the predecessor system [18],
+    or edge grouping alone.
+    """
+
+    def __init__(
+        self,
+        models: Sequence[VisionModel],
+        processes: tuple[Process, ...] = ("region", "group"),
+        parameters: MatchingParameters | None = None,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            models: the taught parts to look for.
+            processes: the extractors to use.
+            parameters: settings of the matching.
+
+        Raises:
+            InputError: when there is no model or no extractor.
+        """
+        if not models or not processes:
+            raise InputError("localizer", got=(len(models), processes), expected="at least one model and extractor")
+        self.models, self.processes = tuple(models), processes
+        self.parameters = parameters or MatchingParameters()
+
+    @property
+    def name(self) -> str:
+        """Dual, region or group."""
+        return "dual" if len(self.processes) > 1 else self.processes[0]
+
+    def localize(self, views: Sequence[View], workspace: Workspace | None = None) -> Localization:
+        """See :meth:`Localizer.localize`."""
+        if not views:
+            return Localization(())
+        flat = [v.undistorted() for v in views]
+        features = [self.extract(v, workspace) for v in flat]
+        fields = [EdgeField.from_gray(v.gray) for v in flat]
+        by_process: dict[str, tuple[PoseEstimate, ...]] = {}
+        for process in self.processes:
+            mine = [[f for f in found if f.process == process] for found in features]
+            by_process[process] = self._match(flat, fields, mine, workspace, joint_edges=False)
+        if len(self.processes) > 1:
+            estimates = self._match(flat, fields, features, workspace, joint_edges=True)
+        else:
+            estimates = by_process[self.processes[0]]
+        return Localization(estimates, tuple(tuple(f) for f in features), by_process)
+
+    def extract(self, view: View, workspace: Workspace | None = None) -> list[EllipseFeature]:
+        """The ellipses that the extractors find in one view with a distortion-free lens."""
+        found = extract_features(view, self.processes)
+        return [f for f in found if self._plausible(f.ellipse, view, workspace)]
+
+    def _plausible(self, ellipse: Ellipse, view: View, workspace: Workspace | None) -> bool:
+        """The size constraint: some salient circle of some model can look that large from here."""
+        if workspace is None:
+            return True
+        distances = _depth_range(view, workspace)
+        major = ellipse.semi_axes[0]
+        radii = [f.circle.radius_m for m in self.models for f in m.salient]
+        fx = view.camera.fx
+        return 0.85 * fx * min(radii) / distances[1] < major < 1.15 * fx * max(radii) / distances[0]
+
+    def _match(
+        self,
+        views: Sequence[View],
+        fields: Sequence[EdgeField],
+        features: Sequence[Sequence[EllipseFeature]],
+        workspace: Workspace | None,
+        *,
+        joint_edges: bool,
+    ) -> tuple[PoseEstimate, ...]:
+        parameters = replace(self.parameters, joint_edges=joint_edges)
+        found = [
+            estimate
+            for model in self.models
+            for estimate in Matcher(views, fields, model, workspace, parameters).match(features)
+        ]
+        return tuple(sorted(found, key=lambda e: -e.score))
+
+
+def extract_features(view: View, processes: Sequence[Process]) -> list[EllipseFeature]:
+    """Run extractors on a view with a distortion-free lens.
+
+    Args:
+        view: the image.
+        processes: which extractors.
+    """
+    gray = view.gray
+    found: list[EllipseFeature] = []
+    if "region" in processes:
+        found += region_ellipses(segment(gray), gray)
+    if "group" in processes:
+        found += group_ellipses(gray, GroupingParameters())
+    return found
+
+
+def _depth_range(view: View, workspace: Workspace) -> tuple[float, float]:
+    """Smallest and largest depth of the workspace's corners in a view, metres."""
+    T = view.T_world_camera.inv().as_matrix()
+    corners = [
+        (x, y, z)
+        for x in (workspace.low[0], workspace.high[0])
+        for y in (workspace.low[1], workspace.high[1])
+        for z in (workspace.low[2], workspace.high[2])
+    ]
+    depths = [float(T[2, :3] @ c + T[2, 3]) for c in corners]
+    return max(min(depths), 1e-3), max(depths)

@@ -1,0 +1,222 @@
+"""Two-phase matching of a vision model against a scene (Section 6): hypotheses, confirmation, refinement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform
+
+from vision.camera import View
+from vision.candidates import Candidates, SalientCircles, Workspace, find_candidates, vote
+from vision.confirmation import Evidence, SceneEdges
+from vision.evidence import EdgeField
+from vision.features import EllipseFeature
+from vision.model_contour import ModelContour
+from vision.pose import Observations, PoseEstimate, Refinement, refine_pose
+from vision.vision_model import VisionModel
+
+Array = NDArray[np.float64]
+Features = Sequence[Sequence[EllipseFeature]]
+
+
+@dataclass(frozen=True)
+class MatchingParameters:
+    """Settings of the matching.
+
+    Attributes:
+        candidates: how many of the best distinct candidates are refined and confirmed.
+        minimum_score: edge support below which a pose is not reported.
+        minimum_separation: distance of two parts below which one of them is a duplicate, in part diameters.
+        points_per_ellipse: edge points of each matched ellipse that enter the refinement.
+        reach_px: how far from the projected model edges are looked for, iteration by iteration.
+        joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points.
+    """
+
+    candidates: int = 40
+    minimum_score: float = 0.30
+    minimum_separation: float = 0.12
+    points_per_ellipse: int = 48
+    reach_px: tuple[float, ...] = (5.0, 4.0, 3.0, 2.5, 2.0, 2.0, 1.5, 1.5)
+    joint_edges: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """A hypothesis on its way: pose, matched ellipses and evidence."""
+
+    T: Array
+    matches: NDArray[np.intp]
+    process: str
+    evidence: Evidence
+    inplane_known: bool
+    refinement: Refinement
+
+
+class Matcher:
+    """Matches one model in one set of views."""
+
+    def __init__(
+        self,
+        views: Sequence[View],
+        fields: Sequence[EdgeField],
+        model: VisionModel,
+        workspace: Workspace | None = None,
+        parameters: MatchingParameters | None = None,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            views: one or more, with distortion-free lenses.
+            fields: their edge fields.
+            model: the part to find.
+            workspace: where parts can be.
+            parameters: settings.
+        """
+        self.views, self.fields, self.model, self.workspace = views, fields, model, workspace
+        self.parameters = parameters or MatchingParameters()
+        self.circles = SalientCircles.of(model)
+        self._cameras = [(v.T_world_camera.as_matrix(), v.camera) for v in views]
+
+    def match(self, features: Features) -> list[PoseEstimate]:
+        """All instances of the part that the features and the edges support, best first."""
+        candidates = find_candidates(self.views, features, self.model, self.workspace)
+        candidates = candidates.distinct(self.model.diameter_m)
+        scene = SceneEdges(self.views, self.fields)
+        contour = self._contour(candidates)
+        pool = []
+        for i in range(min(self.parameters.candidates, len(candidates))):
+            candidate = self._develop(candidates, i, features, scene, contour)
+            if candidate is not None:
+                pool.append(candidate)
+        return self._accept(pool, scene, contour)
+
+    def _contour(self, candidates: Candidates) -> ModelContour:
+        """The model sampled for the distance at which the candidates lie."""
+        eye = self.views[0].T_world_camera.translation
+        distance = float(np.median(np.linalg.norm(candidates.origin - eye, axis=1))) if len(candidates) else 1.0
+        return ModelContour.of(self.model, self.views[0].camera.fx / distance)
+
+    def _develop(
+        self, candidates: Candidates, i: int, features: Features, scene: SceneEdges, contour: ModelContour
+    ) -> _Candidate | None:
+        """Refine a candidate on its matched ellipses, match again, and confirm it."""
+        T, matches = candidates.pose(i), candidates.matches[i]
+        refined: Refinement | None = None
+        for _ in range(2):
+            refined = self._refine_on_ellipses(T, matches, features)
+            if refined is None:
+                return None
+            T = refined.T_world_part
+            matches = vote(T[None, :3, 3], T[None, :3, 2], self.views, features, self.circles)[1][0]
+        if refined is None or (matches < 0).all():
+            return None
+        inplane_known = False
+        if self.model.symmetry_fold is not None:
+            T, inplane_known = scene.find_inplane(T, contour, self.model.symmetry_fold)
+        v, m, _ = candidates.seed[i]
+        evidence = scene.evidence(T, contour)
+        return _Candidate(T, matches, features[v][m].process, evidence, inplane_known, refined)
+
+    def _refine_on_ellipses(self, T: Array, matches: NDArray[np.intp], features: Features) -> Refinement | None:
+        def observe(pose: Array, _: int) -> Observations:
+            return self._ellipse_observations(pose, matches, features)
+
+        return refine_pose(T, observe, self.views, iterations=4, inplane=False)
+
+    def _ellipse_observations(self, T: Array, matches: NDArray[np.intp], features: Features) -> Observations:
+        """Edge points of matched ellipses, each paired with the point of its circle that it is nearest to.
+
+        The viewing ray meets the plane of the circle; the direction from the centre to that point gives the point of
+        the circle, and the projected tangent there gives the contour normal.
+        """
+        blocks = []
+        for v, k in zip(*np.nonzero(matches >= 0), strict=True):
+            points = features[v][matches[v, k]].points
+            stride = max(len(points) // self.parameters.points_per_ellipse, 1)
+            pixels = points[::stride]
+            T_world_camera, camera = self._cameras[v]
+            normal_part = np.array([0.0, 0.0, self.circles.side[k]])
+            T_part_camera = np.linalg.inv(T) @ T_world_camera
+            rays = np.column_stack([(pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy), np.ones(len(pixels))])
+            rays = rays @ T_part_camera[:3, :3].T
+            eye = T_part_camera[:3, 3]
+            reach = (self.circles.height[k] - eye[2]) / rays[:, 2]
+            direction = (eye + reach[:, None] * rays)[:, :2]
+            direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
+            height = np.full(len(direction), self.circles.height[k])
+            model = np.column_stack([direction * self.circles.radius[k], height])
+            tangent = np.cross(normal_part, np.column_stack([direction, np.zeros(len(direction))]))
+            normals = _image_normals(model, tangent, np.linalg.inv(T_part_camera), camera.fx, camera.fy)
+            blocks.append((np.full(len(pixels), v, np.intp), model, pixels, normals))
+        if not blocks:
+            empty = np.empty((0, 2))
+            return Observations(np.empty(0, np.intp), np.empty((0, 3)), empty, empty, np.empty(0))
+        view, model, pixels, normals = (np.concatenate([b[j] for b in blocks]) for j in range(4))
+        return Observations(view, model, pixels, normals, np.full(len(view), 0.3))
+
+    def _accept(self, pool: list[_Candidate], scene: SceneEdges, contour: ModelContour) -> list[PoseEstimate]:
+        """Greedily accept the best supported candidate, let it claim its edges, and weigh the rest again."""
+        accepted: list[PoseEstimate] = []
+        while pool:
+            pool.sort(key=lambda c: -c.evidence.score)
+            best = pool.pop(0)
+            if best.evidence.score < self.parameters.minimum_score:
+                break
+            final = self._finish(best, scene, contour)
+            if final is None:
+                continue
+            accepted.append(final)
+            T = final.T_world_part.as_matrix()
+            scene.claim(T, contour)
+            separation = self.parameters.minimum_separation * self.model.diameter_m
+            rest = [c for c in pool if np.linalg.norm(c.T[:3, 3] - T[:3, 3]) > separation]
+            near = 1.2 * self.model.diameter_m
+            pool = [_weighed(c, scene, contour) if np.linalg.norm(c.T[:3, 3] - T[:3, 3]) < near else c for c in rest]
+        return accepted
+
+    def _finish(self, candidate: _Candidate, scene: SceneEdges, contour: ModelContour) -> PoseEstimate | None:
+        """The final refinement of an accepted candidate."""
+        refined, T = candidate.refinement, candidate.T
+        if self.parameters.joint_edges:
+            reach = self.parameters.reach_px
+            joint = refine_pose(
+                T,
+                lambda pose, i: scene.observe(pose, contour, reach[i]),
+                self.views,
+                iterations=len(reach),
+                inplane=candidate.inplane_known,
+            )
+            if joint is None:
+                return None
+            moved = np.linalg.norm(joint.T_world_part[:3, 3] - T[:3, 3])
+            if moved < 0.05 * self.model.diameter_m:
+                refined, T = joint, joint.T_world_part
+        return PoseEstimate(
+            part=self.model.part,
+            T_world_part=RigidTransform.from_matrix(T),
+            covariance=refined.covariance,
+            score=candidate.evidence.score,
+            process=candidate.process,
+            residual_px=refined.residual_px,
+            views=candidate.evidence.views,
+            inplane_known=candidate.inplane_known,
+        )
+
+
+def _weighed(candidate: _Candidate, scene: SceneEdges, contour: ModelContour) -> _Candidate:
+    evidence = scene.evidence(candidate.T, contour)
+    return _Candidate(
+        candidate.T, candidate.matches, candidate.process, evidence, candidate.inplane_known, candidate.refinement
+    )
+
+
+def _image_normals(points: Array, tangents: Array, T_camera_part: Array, fx: float, fy: float) -> Array:
+    """Unit normals (N, 2) of the image of a curve through points (N, 3) with tangents (N, 3)."""
+    x, y, z = (points @ T_camera_part[:3, :3].T + T_camera_part[:3, 3]).T
+    tx, ty, tz = (tangents @ T_camera_part[:3, :3].T).T
+    along = np.column_stack([fx * (tx - x / z * tz), fy * (ty - y / z * tz)])
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    return np.column_stack([along[:, 1], -along[:, 0]])

@@ -1,0 +1,107 @@
+"""Boundaries of regions, refined from whole pixels to sub-pixel edge points along the gradient."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.ellipse import Array
+from vision.region_attributes import Contour
+
+_TANGENT_REACH = 4
+"""Contour points on either side that give the tangent."""
+
+_PROFILE = np.arange(-2.0, 5.0)
+"""Offsets in px along the normal where the gradient is read; the region ends about one pixel before the edge."""
+
+
+@dataclass(frozen=True, eq=False)
+class Boundary:
+    """Sub-pixel edge points of one contour of a region, in order along it.
+
+    Attributes:
+        points: (N, 2) pixels.
+        outwards: (N, 2) unit normals that point out of the curve: away from the region on its outer boundary,
+            into it on an inner one.
+    """
+
+    points: Array
+    outwards: Array
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def refine_boundaries(
+    contours: Sequence[tuple[Contour, bool]],
+    gradient: tuple[NDArray[np.int16], NDArray[np.int16]],
+    min_gradient: float,
+    spacing: int,
+) -> list[Boundary]:
+    """Move contour points outwards onto the next edge, where the gradient across the contour peaks.
+
+    Close to its peak, the gradient of a blurred step is a Gaussian, so its logarithm is a parabola: three
+    samples, one pixel apart, give the peak. Points without a peak are dropped; that is where a region ends
+    without an edge, or at the image border.
+
+    Args:
+        contours: closed pixel contours (M, 2), and whether each is an inner boundary.
+        gradient: of the blurred image along x and y, each (H, W).
+        min_gradient: smallest peak, in the unit of the gradient.
+        spacing: every how many contour points one is taken.
+
+    Returns:
+        One boundary per contour.
+    """
+    if not contours:
+        return []
+    starts = [c[::spacing].astype(float) for c, _ in contours]
+    normals = [_normals(c, is_hole)[::spacing] for c, is_hole in contours]
+    start, normal = np.concatenate(starts), np.concatenate(normals)
+    offset, is_edge = _peaks(_profiles(start, normal, gradient), min_gradient)
+    points = start + offset[:, None] * normal
+    ends = np.cumsum([len(s) for s in starts])
+    return [
+        Boundary(points[a:b][is_edge[a:b]], normal[a:b][is_edge[a:b]] * (-1.0 if is_hole else 1.0))
+        for a, b, (_, is_hole) in zip([0, *ends[:-1]], ends, contours, strict=True)
+    ]
+
+
+def _normals(contour: Contour, is_hole: bool) -> Array:
+    """Unit normals (N, 2) at the points of a closed contour, away from the region."""
+    reach = min(_TANGENT_REACH, max(len(contour) // 8, 1))
+    tangent = (np.roll(contour, -reach, axis=0) - np.roll(contour, reach, axis=0)).astype(float)
+    # Area comes out positive for contours that run from x towards y, whose outside is on (ty, -tx).
+    runs_xy = cv2.contourArea(contour, oriented=True) > 0
+    sign = 1.0 if runs_xy != is_hole else -1.0
+    normal = sign * np.column_stack([tangent[:, 1], -tangent[:, 0]])
+    return np.asarray(normal / np.maximum(np.hypot(normal[:, 0], normal[:, 1]), 1e-9)[:, None])
+
+
+def _profiles(start: Array, normal: Array, gradient: tuple[NDArray[np.int16], NDArray[np.int16]]) -> Array:
+    """(N, len(_PROFILE)) size of the gradient's component along the normal, 0 outside the image."""
+    x = (start[:, :1] + normal[:, :1] * _PROFILE).astype(np.float32)
+    y = (start[:, 1:] + normal[:, 1:] * _PROFILE).astype(np.float32)
+    # cv2.remap takes no more than 32767 rows.
+    along = np.empty(x.shape)
+    for first in range(0, len(x), 30000):
+        part = slice(first, first + 30000)
+        dx, dy = (cv2.remap(g, x[part], y[part], cv2.INTER_CUBIC) for g in gradient)
+        along[part] = dx * normal[part, :1] + dy * normal[part, 1:]
+    return np.abs(along)
+
+
+def _peaks(profiles: Array, min_gradient: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Offset (N,) of the innermost peak of each profile, and whether there is one."""
+    middle = profiles[:, 1:-1]
+    is_peak = (middle >= profiles[:, :-2]) & (middle > profiles[:, 2:]) & (middle >= min_gradient)
+    at = np.argmax(is_peak, axis=1)
+    row = np.arange(len(profiles))
+    before, peak, after = (np.log(np.maximum(profiles[row, at + k], 1.0)) for k in range(3))
+    curvature = np.maximum(2 * peak - before - after, 1e-9)
+    offset = _PROFILE[1:-1][at] + np.clip((after - before) / (2 * curvature), -0.5, 0.5)
+    return offset, is_peak[row, at]

@@ -1,0 +1,1 @@
+"""The human-in-the-loop acquisition of vision models (Section 4)."""

@@ -1,0 +1,163 @@
+"""A lesson: everything a person says about a part, and the vision model that follows from it (Section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.camera import View
+from vision.circle_pose import Circle, project_circle
+from vision.ellipse import Ellipse, overlap
+from vision.errors import InputError
+from vision.evidence import EdgeField
+from vision.features import EllipseFeature, Process
+from vision.teaching.snapping import snap_to_edge
+from vision.teaching.triangulation import TriangulatedCircle, triangulate_circle
+from vision.vision_model import (
+    AttributeRange,
+    BoreCoordinates,
+    CircleFeature,
+    GraspCoordinates,
+    Role,
+    VisionModel,
+)
+
+Array = NDArray[np.float64]
+
+SAME_FEATURE_OVERLAP = 0.8
+AXIS_TOLERANCE_RAD = float(np.radians(3.0))
+
+
+@dataclass(frozen=True, eq=False)
+class TaughtFeature:
+    """One feature as the person marked it.
+
+    Attributes:
+        name: what the person calls it.
+        role: salient or supporting.
+        clicks: (N, 2) pixels near the contour, N >= 5, by number of the view.
+        copies: number of equal features evenly spaced around the axis; one of them is marked.
+        extractor: the person's choice, or None to take what the system proposes.
+    """
+
+    name: str
+    role: Role
+    clicks: Mapping[int, Array]
+    copies: int = 1
+    extractor: Process | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Lesson:
+    """What a person taught.
+
+    Attributes:
+        part: name of the part.
+        diameter_m: its outline diameter.
+        features: the marked features.
+        symmetry_fold: number of rotations about the axis that look the same.
+        grasps: grasp coordinates.
+        bore: the bore, where there is one.
+    """
+
+    part: str
+    diameter_m: float
+    features: tuple[TaughtFeature, ...]
+    symmetry_fold: int | None = None
+    grasps: tuple[GraspCoordinates, ...] = ()
+    bore: BoreCoordinates | None = None
+
+
+def acquire(lesson: Lesson, views: Sequence[View], found: Sequence[Sequence[EllipseFeature]]) -> VisionModel:
+    """The vision model that a lesson teaches.
+
+    The world frame of the views is the part's frame: the part stands centred on the teaching fixture.
+
+    Args:
+        lesson: the marks.
+        views: the views that the marks refer to, with distortion-free lenses.
+        found: what the extractors found in each view, for the strategy and the attributes.
+
+    Raises:
+        InputError: for a feature whose marks do not make a circle.
+    """
+    edge_fields = [EdgeField.from_gray(v.gray) for v in views]
+    features = tuple(_acquire_feature(f, views, edge_fields, found) for f in lesson.features)
+    return VisionModel(lesson.part, lesson.diameter_m, features, lesson.symmetry_fold, lesson.grasps, lesson.bore)
+
+
+def locate(feature: TaughtFeature, views: Sequence[View], edge_fields: Sequence[EdgeField]) -> TriangulatedCircle:
+    """Snap the clicks of a feature to the edges and triangulate its circle."""
+    marks = {v: snap_to_edge(clicks, edge_fields[v])[1] for v, clicks in feature.clicks.items()}
+    try:
+        return triangulate_circle(views, marks)
+    except InputError as error:
+        raise InputError(
+            f"feature {feature.name!r}", got=error.got, expected=error.expected, do=error.do or "Mark it again."
+        ) from error
+
+
+def _acquire_feature(
+    feature: TaughtFeature,
+    views: Sequence[View],
+    edge_fields: Sequence[EdgeField],
+    found: Sequence[Sequence[EllipseFeature]],
+) -> CircleFeature:
+    circle = _upright(locate(feature, views, edge_fields).circle, on_axis=feature.role == "salient")
+    images = {v: project_circle(circle, views[v]) for v in feature.clicks}
+    seen = {v: _same(image, found[v]) for v, image in images.items() if image is not None}
+    return CircleFeature(
+        name=feature.name,
+        role=feature.role,
+        circle=circle,
+        extractor=feature.extractor or propose_extractor(list(seen.values())),
+        copies=feature.copies,
+        support=_edge_support(images, edge_fields),
+        attributes=_attribute_ranges([f for s in seen.values() for f in s]),
+    )
+
+
+def _upright(circle: Circle, *, on_axis: bool) -> Circle:
+    """Take out what a turned part cannot have: a normal, or a salient centre, slightly off the part's axis."""
+    centre, normal = circle.centre.copy(), circle.normal.copy()
+    upright = np.array([0.0, 0.0, np.sign(normal[2])])
+    if np.arccos(np.clip(normal @ upright, -1, 1)) < AXIS_TOLERANCE_RAD:
+        normal = upright
+    if on_axis and np.hypot(*centre[:2]) < 0.02 * circle.radius_m + 1e-4:
+        centre[:2] = 0.0
+    return replace(circle, centre=centre, normal=normal)
+
+
+def propose_extractor(seen: Sequence[Sequence[EllipseFeature]]) -> Process:
+    """The extractor that found the feature in more views; region growing where both did equally well."""
+    region, group = (sum(any(f.process == p for f in view) for view in seen) for p in ("region", "group"))
+    return "group" if group > region else "region"
+
+
+def _same(image: Ellipse, found: Sequence[EllipseFeature]) -> list[EllipseFeature]:
+    """The extracted ellipses that are this feature."""
+    near = [f for f in found if np.hypot(*(f.ellipse.centre - image.centre)) < 0.2 * image.semi_axes[0] + 2]
+    return [f for f in near if overlap(f.ellipse, image) > SAME_FEATURE_OVERLAP]
+
+
+def _edge_support(images: Mapping[int, Ellipse | None], edge_fields: Sequence[EdgeField]) -> float:
+    """Mean edge support of the feature's image over the views in which it was marked."""
+    supports = []
+    for v, image in images.items():
+        if image is None:
+            continue
+        contour = image.sample(96)
+        supports.append(float(edge_fields[v].support(contour, image.normals(contour)).mean()))
+    return float(np.mean(supports)) if supports else 0.0
+
+
+def _attribute_ranges(seen: Sequence[EllipseFeature]) -> tuple[tuple[str, AttributeRange], ...]:
+    measured = [f.attributes for f in seen if f.attributes is not None]
+    if not measured:
+        return ()
+    names = [f.name for f in fields(measured[0])]
+    values = {name: [getattr(a, name) for a in measured] for name in names}
+    return tuple((name, AttributeRange(min(v), max(v))) for name, v in values.items())
