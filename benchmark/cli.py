@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import importlib
+import inspect
 import io
 import itertools
 import os
@@ -76,7 +77,7 @@ def _dispatch(arguments: Sequence[str]) -> int:
 
 def _run(name: str, arguments: Sequence[str]) -> int:
     command = _load(name)
-    description = (command.__doc__ or "").partition("Args:")[0]
+    description = inspect.cleandoc(command.__doc__ or "").partition("\nArgs:")[0]
     return _parse(command, f"focalpick {name}", description, arguments)()
 
 
@@ -102,7 +103,9 @@ def _parse(
         if not end.code:
             raise
         raise InputError(
-            "arguments", got=_first_sentence(messages.getvalue()), expected="what --help says", do=f"{program} --help"
+            "arguments",
+            got=_first_sentence(messages.getvalue()),
+            expected=f"what `{program} --help` says",
         ) from None
 
 

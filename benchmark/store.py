@@ -172,7 +172,7 @@ def _text(value: object) -> str:
 
 
 def _raise(error: OSError, directory: Path) -> NoReturn:
-    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO):
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO):
         raise ResourceError(
             f"cannot write to {directory}: {error.strerror}; make room and run the same command again, "
             "what is recorded stays"

@@ -215,6 +215,7 @@ def _free(
     rejected: Counter[str],
 ) -> Iterator[_Candidate]:
     """The grasps of one piece that collide with nothing."""
+    own = pieces[index].points_world
     others = [piece.points_world for number, piece in enumerate(pieces) if number != index]
     obstacles = np.concatenate([np.zeros((0, 3)), *others])
     for grasp in pieces[index].grasps:
@@ -229,13 +230,11 @@ def _free(
         rejected["too tilted"] += len(tilts) - len(upright)
         if not len(upright):
             continue
-        clearances = _clearances(
-            gripper.boxes(width),
-            rotations[upright],
-            translations[upright],
-            obstacles,
-            environment,
-            settings.approach_m,
+        tool, turns, points = gripper.boxes(width), rotations[upright], translations[upright]
+        clearances = np.minimum(
+            _clearances(tool, turns, points, obstacles, environment, settings.approach_m),
+            # The fingers are meant to touch the piece itself; the palm and the camera are not.
+            points_clearance(gripper.palm, turns, points, own),
         )
         for number, clearance in zip(upright, clearances, strict=True):
             if clearance < settings.min_clearance_m:

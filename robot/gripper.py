@@ -55,7 +55,9 @@ class Gripper:
         bodies = [find(model, mujoco.mjtObj.mjOBJ_BODY, prefix + name) for name in _FINGERS]
         joints = [find(model, mujoco.mjtObj.mjOBJ_JOINT, prefix + name) for name in _FINGERS]
         self._finger_of_geom = {
-            geom: finger for finger, body in enumerate(bodies) for geom in np.flatnonzero(model.geom_bodyid == body)
+            int(geom): finger
+            for finger, body in enumerate(bodies)
+            for geom in np.flatnonzero(model.geom_bodyid == body)
         }
         self.max_width_m = float(model.jnt_range[joints, 1].sum())
         self.max_force_n = float(model.actuator_forcerange[self._actuator, 1])
@@ -134,10 +136,9 @@ class Gripper:
         Raises:
             InputError: when the model has no such body.
         """
-        if not _END_STOP_M < self.width_m < self.max_width_m - _END_STOP_M:
-            return False
         contacts = self.finger_contacts(body)
-        return min(contacts.left_n, contacts.right_n) >= min_force_n
+        at_end_stop = not _END_STOP_M < self.width_m < self.max_width_m - _END_STOP_M
+        return not at_end_stop and min(contacts.left_n, contacts.right_n) >= min_force_n
 
     def _drive(self, target_m: float, force_n: float) -> None:
         if not 0 < force_n <= self.max_force_n:

@@ -114,7 +114,7 @@ class GripperGeometry:
         mujoco.mj_forward(model, data)
         T_flange_tcp = _site(model, data, "tcp")
         fingers = [find(model, mujoco.mjtObj.mjOBJ_BODY, f"finger_{side}") for side in ("left", "right")]
-        solid = np.flatnonzero(model.geom_conaffinity)
+        solid = [int(geom) for geom in np.flatnonzero(model.geom_conaffinity)]
         palm, left, right = (
             _boxes(model, data, [g for g in solid if owner(int(model.geom_bodyid[g]))]).moved(T_flange_tcp.inv())
             for owner in (lambda b: b not in fingers, lambda b: b == fingers[0], lambda b: b == fingers[1])

@@ -18,7 +18,7 @@ from vision.errors import InputError
 Array = NDArray[np.float64]
 
 DEFAULT_TILT_RAD = float(np.radians(15))
-_AZIMUTHS_RAD = np.radians(np.arange(0, 360, 20))
+_AZIMUTHS_RAD = np.radians(np.arange(0, 360, 30))
 # Of the sets of viewpoints, those with at least this fraction of the best parallax compete by the arm's travel.
 _GOOD_PARALLAX = 0.85
 
@@ -90,7 +90,8 @@ def reachable_viewpoints(
 ) -> list[tuple[RigidTransform, Array]]:
     """Of the viewpoints on a ring around the target, the reachable ones that lie furthest apart.
 
-    Takes about a second, since out-of-reach poses are searched for in vain. A cell's viewpoints never change: ask once.
+    Takes about a second, since out-of-reach poses are searched for in vain. A cell's viewpoints never change: ask
+    once.
 
     Args:
         kinematics: the arm.
@@ -121,7 +122,7 @@ def reachable_viewpoints(
         raise UnreachableError(
             "viewpoints",
             got=f"{len(found)} of {len(_AZIMUTHS_RAD)} azimuths reachable at {distance_m} m from"
-            f" {np.round(target_world, 3).tolist()}, tilted {np.degrees(tilt_rad):.0f} deg",
+            f" {np.asarray(target_world, dtype=float).round(3).tolist()}, tilted {np.degrees(tilt_rad):.0f} deg",
             expected=f"at least {count}",
             do="Reduce the camera's distance (several stations over the bin) or the tilt.",
         )

@@ -61,7 +61,8 @@ def best_stretch(points, outwards, tolerance):  # type: ignore[no-untyped-def]  
         tolerance: as in :func:`agree`.
 
     Returns:
-        The conic (3, 3), and the number of points that agree with it; 0 where no stretch is part of an ellipse.
+        The conic (3, 3), the number of points that agree with it, and its semi-major and semi-minor axis; all 0
+        where no stretch is part of an ellipse.
     """
     n = len(points)
     sums = _running_sums(points)
@@ -72,12 +73,29 @@ def best_stretch(points, outwards, tolerance):  # type: ignore[no-untyped-def]  
             break
         for first in range(0, n if part < 1.0 else 1, max(length // 3, 1)):
             conic = _fit_conic(sums[first + length] - sums[first])
-            if conic[0, 0] * conic[1, 1] <= conic[0, 1] ** 2:
+            if _semi_axes(conic)[1] <= 0:
                 continue
             count = int(np.count_nonzero(agree(conic, points, outwards, tolerance)))
             if count > best_count:
                 best, best_count = conic, count
-    return best, best_count
+    semi_major, semi_minor = _semi_axes(best)
+    return best, best_count, semi_major, semi_minor
+
+
+@njit(cache=True)
+def _semi_axes(conic):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Semi-major and semi-minor axis of a conic (3, 3) with a + c = 1; 0 where it is no real ellipse."""
+    a, b, c = conic[0, 0], conic[0, 1], conic[1, 1]
+    determinant = a * c - b * b
+    if determinant <= 0:
+        return 0.0, 0.0
+    d, e = conic[0, 2], conic[1, 2]
+    at_centre = conic[2, 2] - (c * d * d - 2 * b * d * e + a * e * e) / determinant
+    if at_centre >= 0:
+        return 0.0, 0.0
+    spread = np.hypot((a - c) / 2, b)
+    largest = (a + c) / 2 + spread
+    return np.sqrt(-at_centre * largest / determinant), np.sqrt(-at_centre / largest)
 
 
 @njit(cache=True)

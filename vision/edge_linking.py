@@ -21,7 +21,7 @@ MIN_CHAIN_PX = 4
 _TURNS_RAD = np.radians([0.0, 12.0, -12.0, 24.0, -24.0, 36.0, -36.0])
 
 
-def link_edges(edges: NDArray[np.bool_], gap_px: int = 6) -> NDArray[np.bool_]:
+def link_edges(edges: NDArray[np.bool_], gap_px: int = 3) -> NDArray[np.bool_]:
     """Close gaps of an edge map at chain ends and T-junctions.
 
     Every end of a chain is extended along its tangent, or up to 36 degrees beside it, until it meets an edge that

@@ -106,6 +106,8 @@ class EdgeField:
         Returns:
             Offsets (N,) along the normals in pixels, NaN where there is no edge, and signed slopes (N,).
         """
+        if len(points) == 0:
+            return np.empty(0), np.empty(0)
         step = 0.5
         half = int(np.ceil(reach_px / step)) + 1
         offsets = np.arange(-half, half + 1) * step

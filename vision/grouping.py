@@ -71,19 +71,25 @@ class Grouping:
     Attributes:
         edges: the chains.
         table: all smooth convex fragments.
-        groups: for every feature, the numbers of the fragments that form it.
         features: the ellipses, best first.
+        tolerance_px: distance from its ellipse within which a fragment belongs to a group.
     """
 
     edges: EdgeMap
     table: FragmentTable
-    groups: tuple[tuple[int, ...], ...]
     features: tuple[EllipseFeature, ...]
+    tolerance_px: float
 
     @property
     def fragments(self) -> list[Fragment]:
         """All fragments with their points."""
         return [self.table.fragment(number, self.edges) for number in range(len(self.table))]
+
+    @property
+    def groups(self) -> list[tuple[int, ...]]:
+        """For every feature, the numbers of the fragments that form it."""
+        points = representatives(self.table, self.edges).points
+        return [_members(feature, points, self.tolerance_px) for feature in self.features]
 
 
 def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | None = None) -> Array:
@@ -132,7 +138,7 @@ def group_edges(
     edges = detect_edges(image, parameters.edges) if edges is None else edges
     table = extract_fragments(edges, image, parameters.fragments)
     if len(table) == 0:
-        return Grouping(edges, table, (), ())
+        return Grouping(edges, table, (), parameters.tolerance_px)
     points = representatives(table, edges)
     size = parameters.size_px or (4.0, float(max(image.shape)))
     ps, groups = _hypotheses(table, points, size, parameters)
@@ -148,8 +154,7 @@ def group_edges(
     order = np.argsort(-quality[:, SCORE], kind="stable")
     chosen, numbers, quality = select_survivors(ps, order, edges, limits)
     features = _filter_survivors(ps[chosen], numbers, quality, edges, parameters)
-    members = tuple(_members(feature, points.points, parameters.tolerance_px) for feature in features)
-    return Grouping(edges, table, members, tuple(features))
+    return Grouping(edges, table, tuple(features), parameters.tolerance_px)
 
 
 def _hypotheses(
@@ -207,6 +212,8 @@ def _filtered(p: Array, points: Array, parameters: GroupingParameters) -> Filter
 
 def _same(a: Ellipse, b: Ellipse, min_overlap: float) -> bool:
     """Whether two ellipses are the same one, found twice; concentric ones a few pixels apart are not."""
+    if np.abs(a.p[:2] + a.p[2:4] - b.p[:2] - b.p[2:4]).max() > 3 or abs(a.p[4] - b.p[4]) > 3:
+        return False
     apart = np.abs(distances(a.p, b.sample(16))[0]).max()
     return bool(apart < 1.5) and overlap(a, b) > min_overlap
 

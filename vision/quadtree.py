@@ -31,14 +31,14 @@ class SplitAndMerge:
 
     max_deviation: float = 6.0
     max_range: float = 32.0
-    max_step: float = 12.0
-    max_contrast: float = 32.0
+    max_step: float = 16.0
+    max_contrast: float = 40.0
     min_area_px: int = 32
     root_size_px: int = 64
 
     def __post_init__(self) -> None:
         thresholds = (self.max_deviation, self.max_range, self.max_step, self.max_contrast, self.min_area_px)
-        if not min(thresholds) >= 0:
+        if not all(t >= 0 for t in thresholds):
             raise InputError("split-and-merge thresholds", got=thresholds, expected="numbers >= 0")
         if self.root_size_px < 1 or self.root_size_px & (self.root_size_px - 1):
             raise InputError("root_size_px", got=self.root_size_px, expected="a power of two")
@@ -56,6 +56,8 @@ class Quadtree:
         is_edge: (N,) whether the leaf is a single edge pixel.
         grey_sum: (N,) sum of the grey levels.
         grey_square_sum: (N,) sum of their squares.
+
+    All arrays are read-only.
     """
 
     leaf_of_pixel: Labels
@@ -65,6 +67,14 @@ class Quadtree:
     is_edge: NDArray[np.bool_]
     grey_sum: NDArray[np.float64]
     grey_square_sum: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for a in vars(self).values():
+            a.flags.writeable = False
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Run the constructor again after unpickling, so that the arrays stay read-only."""
+        return (Quadtree, tuple(vars(self).values()))
 
     def __len__(self) -> int:
         return len(self.x)

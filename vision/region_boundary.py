@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from vision.ellipse import Array
@@ -60,26 +62,34 @@ def refine_boundaries(
     if not contours:
         return []
     starts = [c[::spacing].astype(float) for c, _ in contours]
-    normals = [_normals(c, is_hole)[::spacing] for c, is_hole in contours]
+    normals = [_normals(c, is_hole, spacing) for c, is_hole in contours]
+    sizes = [len(s) for s in starts]
     start, normal = np.concatenate(starts), np.concatenate(normals)
     offset, is_edge = _peaks(_profiles(start, normal, gradient), min_gradient)
-    points = start + offset[:, None] * normal
-    ends = np.cumsum([len(s) for s in starts])
-    return [
-        Boundary(points[a:b][is_edge[a:b]], normal[a:b][is_edge[a:b]] * (-1.0 if is_hole else 1.0))
-        for a, b, (_, is_hole) in zip([0, *ends[:-1]], ends, contours, strict=True)
-    ]
+    points = (start + offset[:, None] * normal)[is_edge]
+    outwards = (normal * np.repeat([-1.0 if is_hole else 1.0 for _, is_hole in contours], sizes)[:, None])[is_edge]
+    ends = np.concatenate([[0], np.cumsum(is_edge)])[np.cumsum(sizes)].tolist()
+    return [Boundary(points[a:b], outwards[a:b]) for a, b in itertools.pairwise([0, *ends])]
 
 
-def _normals(contour: Contour, is_hole: bool) -> Array:
-    """Unit normals (N, 2) at the points of a closed contour, away from the region."""
-    reach = min(_TANGENT_REACH, max(len(contour) // 8, 1))
-    tangent = (np.roll(contour, -reach, axis=0) - np.roll(contour, reach, axis=0)).astype(float)
+@njit(cache=True)
+def _normals(contour, is_hole, spacing):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Unit normals (N, 2) at every ``spacing``-th point of a closed contour, away from the region."""
+    n = len(contour)
+    reach = min(_TANGENT_REACH, max(n // 8, 1))
+    doubled_area = 0
+    for i in range(n):
+        a, b = contour[i - 1], contour[i]
+        doubled_area += a[0] * b[1] - a[1] * b[0]
     # Area comes out positive for contours that run from x towards y, whose outside is on (ty, -tx).
-    runs_xy = cv2.contourArea(contour, oriented=True) > 0
-    sign = 1.0 if runs_xy != is_hole else -1.0
-    normal = sign * np.column_stack([tangent[:, 1], -tangent[:, 0]])
-    return np.asarray(normal / np.maximum(np.hypot(normal[:, 0], normal[:, 1]), 1e-9)[:, None])
+    sign = 1.0 if (doubled_area > 0) != is_hole else -1.0
+    normals = np.empty(((n + spacing - 1) // spacing, 2))
+    for k in range(len(normals)):
+        ahead, behind = contour[(k * spacing + reach) % n], contour[k * spacing - reach]
+        x, y = float(ahead[0] - behind[0]), float(ahead[1] - behind[1])
+        length = sign * max(np.hypot(x, y), 1e-9)
+        normals[k, 0], normals[k, 1] = y / length, -x / length
+    return normals
 
 
 def _profiles(start: Array, normal: Array, gradient: tuple[NDArray[np.int16], NDArray[np.int16]]) -> Array:

@@ -58,7 +58,7 @@ class BoundaryFit:
     max_per_boundary: int = 2
 
     def __post_init__(self) -> None:
-        if not min(self.tolerance_px, self.sigma_px, self.max_rms_px) > 0:
+        if not all(length > 0 for length in (self.tolerance_px, self.sigma_px, self.max_rms_px)):
             raise InputError("boundary fit", got=self, expected="tolerance, sigma and rms > 0 px")
 
 
@@ -120,8 +120,8 @@ def _boundary_ellipses(
 ) -> Iterator[EllipseFeature]:
     """The ellipses on the points of one boundary, the one that most of them agree with first."""
     for _ in range(fit.max_per_boundary):
-        rough = _most_agreed(points, outwards, fit)
-        settled = _settle(rough, points, outwards, fit) if rough else None
+        conic = _most_agreed(points, outwards, fit)
+        settled = None if conic is None else _settle(conic, points, outwards, fit)
         if settled is None:
             return
         ellipse, on_ellipse = settled
@@ -131,30 +131,29 @@ def _boundary_ellipses(
         points, outwards = points[~on_ellipse], outwards[~on_ellipse]
 
 
-def _most_agreed(points: Array, outwards: Array, fit: BoundaryFit) -> Ellipse | None:
-    """The ellipse, fitted to a stretch of the boundary, that most of all its points agree with."""
+def _most_agreed(points: Array, outwards: Array, fit: BoundaryFit) -> Array | None:
+    """The conic (3, 3), fitted to a stretch of the boundary, that most of all its points agree with."""
     if len(points) < _MIN_POINTS:
         return None
     shift = points.mean(axis=0)
     scale = max(float(np.abs(points - shift).max()), 1e-9)
-    conic, agreed = best_stretch((points - shift) / scale, outwards, fit.tolerance_px / scale)
-    if agreed < _MIN_POINTS:
-        return None
-    to_unit = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]], [0, 0, scale]]) / scale
-    ellipse = Ellipse.from_conic(to_unit.T @ conic @ to_unit)
-    semi_major, semi_minor = ellipse.semi_axes
-    if semi_minor < 0.8 * max(fit.min_semi_axis_px, fit.min_axis_ratio * semi_major):
+    conic, agreed, semi_major, semi_minor = best_stretch((points - shift) / scale, outwards, fit.tolerance_px / scale)
+    if agreed < _MIN_POINTS or semi_minor < 0.8 * max(fit.min_semi_axis_px / scale, fit.min_axis_ratio * semi_major):
         return None
     # Steps along a pixel contour are at most a diagonal long, so that few points cannot cover much.
-    reach = agreed * _SPACING * np.sqrt(2)
-    return ellipse if reach >= fit.min_support * np.pi * (semi_major + semi_minor) else None
+    reach = agreed * _SPACING * np.sqrt(2) / scale
+    if reach < fit.min_support * np.pi * (semi_major + semi_minor):
+        return None
+    to_unit = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]], [0, 0, scale]]) / scale
+    return np.asarray(to_unit.T @ conic @ to_unit)
 
 
 def _settle(
-    ellipse: Ellipse, points: Array, outwards: Array, fit: BoundaryFit
+    conic: Array, points: Array, outwards: Array, fit: BoundaryFit
 ) -> tuple[Ellipse, NDArray[np.bool_]] | None:
     """Fit the ellipse to the points that agree with it, and again, until these are the same points."""
-    on_ellipse = agree(ellipse.conic, points, outwards, fit.tolerance_px)
+    ellipse = Ellipse.from_conic(conic)
+    on_ellipse = agree(conic, points, outwards, fit.tolerance_px)
     for _ in range(3):
         fitted = fit_ellipse(points[on_ellipse], fit.sigma_px, initial=ellipse)
         if fitted is None or fitted.semi_axes[1] < 0.05 * fitted.semi_axes[0]:

@@ -29,9 +29,9 @@ class RegionGrowing:
     """
 
     blur_px: float = 1.0
-    edge_low: float = 2.5
-    edge_high: float = 6.0
-    gap_px: int = 6
+    edge_low: float = 3.0
+    edge_high: float = 8.0
+    gap_px: int = 3
     split_and_merge: SplitAndMerge = field(default_factory=SplitAndMerge)
 
     def __post_init__(self) -> None:

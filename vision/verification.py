@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 
 Limits = tuple[float, float, float, float, float, float, float]
 
-MAX_STEPS = 512
+STEP_PX, MIN_STEPS, MAX_STEPS = 1.5, 32, 512
+GLANCE_STEPS, REFINE_STEPS = 40, 96
 _OUTSIDE = -2  # the step lies outside the image
 _NOTHING = -1  # no edge supports the step
 W_COVERAGE, W_DIRECTION, W_ERROR, W_SIZE, W_SUPPORT, W_BIAS = 6.5, -5.9, -17.0, 1.86, 1.84, -13.7
@@ -39,44 +40,38 @@ def _axes(p):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _nearest_edge(index, points, gradients, used, bx, by, nx, ny, tolerance, agreement):  # type: ignore[no-untyped-def]
-    """Number of the unused edge point nearest to a boundary point along its normal, or -1."""
-    height, width = index.shape
-    best, found = tolerance, _NOTHING
-    reach = int(np.ceil(tolerance))
-    for step in range(-reach, reach + 1):
-        x, y = int(np.rint(bx + step * nx)), int(np.rint(by + step * ny))
-        if x < 0 or y < 0 or x >= width or y >= height:
+def _nearest_edge(edges, used, bx, by, nx, ny, tolerance, agreement):  # type: ignore[no-untyped-def]
+    """Number of an unused edge point that lies across the outline at a boundary point, or -1; nearest first."""
+    index, points, gradients = edges
+    for step in range(2 * int(np.ceil(tolerance)) + 1):
+        offset = (step + 1) // 2 * (1 if step % 2 else -1)
+        k = index[int(by + offset * ny + 0.5), int(bx + offset * nx + 0.5)]
+        if k < 0 or used[k] or abs(gradients[k, 0] * nx + gradients[k, 1] * ny) < agreement:
             continue
-        k = index[y, x]
-        if k < 0 or used[k]:
-            continue
-        if abs(gradients[k, 0] * nx + gradients[k, 1] * ny) < agreement:
-            continue
-        distance = abs((points[k, 0] - bx) * nx + (points[k, 1] - by) * ny)
-        if distance < best:
-            best, found = distance, k
-    return found
+        if abs((points[k, 0] - bx) * nx + (points[k, 1] - by) * ny) <= tolerance:
+            return k
+    return _NOTHING
 
 
 @njit(cache=True)
-def gather(p, edges, used, tolerance, agreement, step_px, hits):  # type: ignore[no-untyped-def]
+def gather(p, edges, used, tolerance, agreement, max_steps, hits):  # type: ignore[no-untyped-def]
     """Walk the outline of p; write the supporting edge point of every step (or -1, -2) and return the steps."""
-    index, points, gradients = edges
-    height, width = index.shape
+    height, width = edges[0].shape
     cx, cy, major, minor, cos, sin = _axes(p)
     perimeter = np.pi * (3 * (major + minor) - np.sqrt((3 * major + minor) * (major + 3 * minor)))
-    steps = int(min(max(perimeter / step_px, 32), MAX_STEPS))
+    steps = int(min(max(perimeter / STEP_PX, MIN_STEPS), max_steps))
+    margin = np.ceil(tolerance) + 0.5
+    ct, st = 1.0, 0.0
+    cos_step, sin_step = np.cos(2 * np.pi / steps), np.sin(2 * np.pi / steps)
     for k in range(steps):
-        t = 2 * np.pi * k / steps
-        ct, st = np.cos(t), np.sin(t)
         bx, by = cx + major * ct * cos - minor * st * sin, cy + major * ct * sin + minor * st * cos
-        if bx < 1 or by < 1 or bx > width - 2 or by > height - 2:
+        if bx < margin or by < margin or bx > width - 1 - margin or by > height - 1 - margin:
             hits[k] = _OUTSIDE
-            continue
-        nx, ny = minor * ct * cos - major * st * sin, minor * ct * sin + major * st * cos
-        norm = np.hypot(nx, ny)
-        hits[k] = _nearest_edge(index, points, gradients, used, bx, by, nx / norm, ny / norm, tolerance, agreement)
+        else:
+            nx, ny = minor * ct * cos - major * st * sin, minor * ct * sin + major * st * cos
+            norm = np.sqrt(nx * nx + ny * ny)
+            hits[k] = _nearest_edge(edges, used, bx, by, nx / norm, ny / norm, tolerance, agreement)
+        ct, st = ct * cos_step - st * sin_step, st * cos_step + ct * sin_step
     return steps
 
 
@@ -202,6 +197,26 @@ def _explains(p, points, tolerance):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _share(hits, steps):  # type: ignore[no-untyped-def]
+    """Share of supported steps among those inside the image."""
+    supported, visible = 0, 0
+    for k in range(steps):
+        supported += hits[k] >= 0
+        visible += hits[k] != _OUTSIDE
+    return supported / max(visible, 1)
+
+
+@njit(cache=True)
+def _settle(p, edges, used, tolerance, agreement, min_share, hits):  # type: ignore[no-untyped-def]
+    """Alternate gathering and refining while the tolerance narrows, in place; False when support is lost."""
+    for widen in (1.5, 0.5, 0.0):
+        steps = gather(p, edges, used, tolerance + widen, agreement, REFINE_STEPS, hits)
+        if _share(hits, steps) < min_share or not refine(p, edges, hits, steps, 2):
+            return False
+    return True
+
+
+@njit(cache=True)
 def search(  # type: ignore[no-untyped-def]
     ps, groups, edges, rep_points, limits, out_ps, out_quality
 ):
@@ -216,15 +231,12 @@ def search(  # type: ignore[no-untyped-def]
     quality = np.zeros(5)
     first = np.zeros(n)
     for h in range(n):
-        steps = gather(ps[h], edges, used, tolerance + 1.5, agreement - 0.05, 4.0, hits)
-        count = 0
-        for k in range(steps):
-            count += hits[k] >= 0
-        first[h] = count / steps
+        steps = gather(ps[h], edges, used, tolerance + 1.5, agreement - 0.05, GLANCE_STEPS, hits)
+        first[h] = _share(hits, steps)
     explained = np.zeros((len(out_ps), fragments), np.bool_)
     found = 0
     for h in np.argsort(-first):
-        if found == len(out_ps) or first[h] < 0.5 * min_coverage:
+        if found == len(out_ps) or first[h] < 0.7 * min_coverage:
             break
         i, j = groups[h, 0], groups[h, 1]
         known = False
@@ -236,15 +248,11 @@ def search(  # type: ignore[no-untyped-def]
             continue
         p = out_ps[found]
         p[:] = ps[h]
-        alive = True
-        for widen in (1.5, 0.5, 0.0):
-            steps = gather(p, edges, used, tolerance + widen, agreement, 1.5, hits)
-            if not refine(p, edges, hits, steps, 2):
-                alive = False
-                break
-        if not alive or not 2 * min_major <= p[4] <= 2 * max_major or _axes(p)[3] < MIN_SEMI_MINOR_PX:
+        if not _settle(p, edges, used, tolerance, agreement, 0.8 * min_coverage, hits):
             continue
-        steps = gather(p, edges, used, tolerance, agreement, 1.5, hits)
+        if not 2 * min_major <= p[4] <= 2 * max_major or _axes(p)[3] < MIN_SEMI_MINOR_PX:
+            continue
+        steps = gather(p, edges, used, tolerance, agreement, MAX_STEPS, hits)
         _drop_short_runs(hits, steps, max(4, steps // 40))
         assess(p, edges, hits, steps, quality)
         if quality[COVERAGE] < min_coverage or quality[ERROR] > max_error or quality[VISIBLE] < 0.5:
@@ -267,7 +275,7 @@ def select(ps, order, edges, limits, out_hits, out_steps, out_quality):  # type:
     for h in order:
         row = len(chosen) - 1
         hits, quality = out_hits[row], out_quality[row]
-        steps = gather(ps[h], edges, used, tolerance, agreement, 1.5, hits)
+        steps = gather(ps[h], edges, used, tolerance, agreement, MAX_STEPS, hits)
         _drop_short_runs(hits, steps, max(4, steps // 40))
         assess(ps[h], edges, hits, steps, quality)
         if quality[COVERAGE] < min_coverage or quality[ERROR] > max_error or quality[SCORE] < min_score:

@@ -61,6 +61,8 @@ def draw(split: str, category: str, number: int) -> Drawing:
     if category == "occluded":
         _clutter(rng, canvas, int(rng.integers(6, 14)))
     shares = [_visible_share(canvas, ellipse) for ellipse in ellipses]
+    if rng.random() < 0.6:
+        canvas, ellipses = _bend(rng, canvas, ellipses)
     return Drawing(
         _photograph(rng, canvas),
         tuple(e for e, share in zip(ellipses, shares, strict=True) if share >= _ASKED_SHARE),
@@ -69,16 +71,29 @@ def draw(split: str, category: str, number: int) -> Drawing:
     )
 
 
-def _photograph(rng: np.random.Generator, canvas: Array) -> NDArray[np.uint8]:
-    """What a camera adds: real outlines are not perfect, lenses blur, sensors are noisy, files are compressed."""
+def _bend(rng: np.random.Generator, canvas: Array, ellipses: list[Ellipse]) -> tuple[Array, list[Ellipse]]:
+    """Displace everything smoothly by up to a few pixels, because no real outline is a perfect ellipse."""
     height, width = canvas.shape
-    if rng.random() < 0.6:
-        scale = float(rng.uniform(15, 60))
-        shifts = [cv2.GaussianBlur(rng.normal(size=canvas.shape), (0, 0), scale) for _ in range(2)]
-        xs, ys = np.meshgrid(np.arange(width), np.arange(height))
-        bend = rng.uniform(0.2, 1.2)
-        maps = [(at + bend * s / s.std()).astype(np.float32) for at, s in zip((xs, ys), shifts, strict=True)]
-        canvas = cv2.remap(canvas, maps[0], maps[1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    scale, strength = float(rng.uniform(15, 60)), rng.uniform(0.2, 1.2)
+    fields = [cv2.GaussianBlur(rng.normal(size=canvas.shape), (0, 0), scale) for _ in range(2)]
+    dx, dy = (strength * field / field.std() for field in fields)
+    xs, ys = np.meshgrid(np.arange(width), np.arange(height))
+    maps = (xs + dx).astype(np.float32), (ys + dy).astype(np.float32)
+    bent = cv2.remap(canvas, *maps, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    moved = []
+    for ellipse in ellipses:
+        outline = ellipse.sample(64)
+        at = np.clip(np.round(outline).astype(int), 0, (width - 1, height - 1))
+        outline = outline - np.column_stack([dx[at[:, 1], at[:, 0]], dy[at[:, 1], at[:, 0]]])
+        (x, y), (d1, d2), degrees = cv2.fitEllipseDirect(outline.astype(np.float32))
+        # OpenCV's angle belongs to the first diameter.
+        angle = np.radians(degrees) + (0 if d1 >= d2 else np.pi / 2)
+        moved.append(Ellipse.from_geometric(x, y, max(d1, d2) / 2, min(d1, d2) / 2, angle))
+    return np.clip(bent, 0, 255), moved
+
+
+def _photograph(rng: np.random.Generator, canvas: Array) -> NDArray[np.uint8]:
+    """What a camera adds: lenses blur, sensors are noisy, files are compressed."""
     image = cv2.GaussianBlur(canvas, (0, 0), float(rng.uniform(0.4, 1.4)))
     image += rng.normal(0, rng.uniform(0.5, 5), canvas.shape)
     grey = np.clip(np.round(image), 0, 255).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""The work cell as a MuJoCo model: floor, stands, bin, tray, lights, arm with gripper, and the pieces to be picked."""
+"""The work cell as a MuJoCo model: floor, stands, bin, tray, lights, arm, gripper, and the pieces to pick."""
 
 from __future__ import annotations
 
@@ -35,7 +35,9 @@ _CONTACT = {"solref": (0.005, 1.0), "solimp": (0.95, 0.99, 0.0005, 0.5, 2.0)}
 
 @dataclass(frozen=True)
 class CellConfig:
-    """The sizes of a work cell and what lies in its bin. Lengths in metres, world frame (z up, arm base at x = y = 0).
+    """The sizes of a work cell and what lies in its bin.
+
+    Lengths are in metres, positions in the world frame (z up, the arm's base at x = y = 0).
 
     Attributes:
         part_names: the kinds of part in the bin.
@@ -223,9 +225,9 @@ def _add_floor(root: mjcf.RootElement) -> None:
     world = root.worldbody
     world.add("geom", name="floor", type="plane", size=(12, 12, 0.1), material="concrete")
     for name, position, size in (
-        ("marking_front", (1.55, 0, 0.0005), (0.03, 1.5, 0.0005)),
-        ("marking_left", (0.4, 1.5, 0.0005), (1.18, 0.03, 0.0005)),
-        ("marking_right", (0.4, -1.5, 0.0005), (1.18, 0.03, 0.0005)),
+        ("marking_front", (1.55, 0, 0.0005), (0.03, 1.53, 0.0005)),
+        ("marking_left", (0.37, 1.5, 0.0005), (1.15, 0.03, 0.0005)),
+        ("marking_right", (0.37, -1.5, 0.0005), (1.15, 0.03, 0.0005)),
     ):
         world.add("geom", name=name, type="box", pos=position, size=size, material="marking",
                   contype=0, conaffinity=0)  # fmt: skip

@@ -19,7 +19,7 @@ Distortion = tuple[float, float, float, float, float]
 
 _OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0])
 _KEY_LIGHT_TILT = np.deg2rad(28.0)
-# The light stands across the bin from the arm, at most this far round to either side: elsewhere the arm is in its way.
+# The light stands across the bin from the arm, at most this far to either side: elsewhere the arm is in its way.
 _KEY_LIGHT_SIDEWAYS = np.deg2rad(80.0)
 _GREY_WEIGHTS = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 
@@ -223,7 +223,7 @@ def _distortion_maps(camera: Camera, distortion: Distortion) -> tuple[NDArray[np
 
 
 def sample_hand_eye_error(rng: np.random.Generator, config: SensorConfig) -> RigidTransform:
-    """The mounting error T_camera_calibrated of one episode: the pose the calibration believes in, seen from the truth."""
+    """The mounting error T_camera_calibrated of one episode: the believed pose, seen from the true one."""
     rotation = rng.normal(scale=config.hand_eye_rotation_rad / np.sqrt(3), size=3)
     translation = rng.normal(scale=config.hand_eye_translation_m / np.sqrt(3), size=3)
     return RigidTransform.from_components(translation, Rotation.from_rotvec(rotation))

@@ -43,7 +43,8 @@ def offset(translation: list[float], rotvec_deg: list[float]) -> RigidTransform:
 def disc(n: int = 120, radius: float = 0.05) -> np.ndarray:
     t = np.linspace(0, 2 * np.pi, n, endpoint=False)
     ring = np.column_stack([radius * np.cos(t), radius * np.sin(t), np.zeros(n)])
-    return np.vstack([ring + [0, 0, 0.01], ring - [0, 0, 0.01], 0.3 * ring])
+    up = np.array([0, 0, 0.01])
+    return np.vstack([ring + up, ring - up, 0.3 * ring])
 
 
 @given(seed=seeds)
@@ -140,14 +141,14 @@ def test_extraction_needs_two_views_above_the_overlap() -> None:
 
 def test_assignment_prefers_more_pairs_to_cheaper_pairs() -> None:
     costs = {("a", 0): 0.1, ("a", 1): 0.9, ("b", 0): 0.95, ("b", 1): 5.0}
-    found = assign(["a", "b"], [0, 1], lambda e, t: costs[e, t], lambda t: 1.0)
+    found = assign(["a", "b"], [0, 1], lambda e, t: costs[e, t], lambda _: 1.0)
     assert found.pairs == ((1, 0), (0, 1))
     assert found.false_positives == ()
 
 
 def test_what_is_over_the_limit_or_left_over_is_a_false_positive() -> None:
     estimates = [0.0, 0.2, 10.0, 55.0]
-    found = assign(estimates, [0.1, 10.1, 30.0], lambda e, t: abs(e - t) if e < 50 else math.inf, lambda t: 1.0)
+    found = assign(estimates, [0.1, 10.1, 30.0], lambda e, t: abs(e - t) if e < 50 else math.inf, lambda _: 1.0)
     assert [j for _, j in found.pairs] == [0, 1]
     assert found.pairs[1] == (2, 1)
     assert len(found.false_positives) == 2
@@ -156,7 +157,7 @@ def test_what_is_over_the_limit_or_left_over_is_a_false_positive() -> None:
 
 @pytest.mark.parametrize(("estimates", "truths"), [([], [1.0]), ([1.0], []), ([], [])])
 def test_nothing_to_assign(estimates: list[float], truths: list[float]) -> None:
-    found = assign(estimates, truths, lambda e, t: 0.0, lambda t: 1.0)
+    found = assign(estimates, truths, lambda *_: 0.0, lambda _: 1.0)
     assert found.pairs == ()
     assert len(found.false_positives) == len(estimates)
 

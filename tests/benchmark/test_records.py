@@ -1,9 +1,11 @@
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import multiprocessing
 import os
+import resource
 from dataclasses import replace
 from pathlib import Path
 
@@ -205,11 +207,20 @@ def test_a_full_disk_is_a_resource_error_and_keeps_what_was_written(
     assert RECORD in read_records(tmp_path)
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_truly_full_device_is_a_resource_error(tmp_path: Path) -> None:
-    (tmp_path / EPISODES_FILE).symlink_to("/dev/full")
-    with pytest.raises(ResourceError, match="make room"), RecordWriter(tmp_path, CONFIG) as writer:
+def test_a_file_that_may_not_grow_is_a_resource_error_and_is_repaired(tmp_path: Path) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with RecordWriter(tmp_path, CONFIG) as writer:
         writer.append(RECORD)
+        resource.setrlimit(resource.RLIMIT_FSIZE, ((tmp_path / EPISODES_FILE).stat().st_size + 50, hard))
+        try:
+            with pytest.raises(ResourceError, match="make room"):
+                writer.append(replace(RECORD, key="hub/001"))
+            with contextlib.suppress(ResourceError):  # what is still in the buffer cannot be written either
+                writer.close()
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    write(tmp_path, "hub/002")
+    assert [r.key for r in read_records(tmp_path)] == ["hub/000", "hub/002"]
 
 
 def test_environment_stamp_is_the_same_in_every_process() -> None:

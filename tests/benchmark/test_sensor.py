@@ -72,7 +72,7 @@ def test_camera_model_agrees_with_the_renderer_within_a_twentieth_of_a_pixel(see
     assert np.allclose(seen.as_matrix(), pose.as_matrix(), atol=1e-9)
     measured = np.array(ndimage.center_of_mass(np.ones_like(numbers), numbers, range(12)))[:, ::-1]
     expected = np.array([outline_centre(seen.inv().apply(centre), radius) for centre in centres])
-    # The centroid of about 1400 whole pixels has an error of its own: hold the mean to the 0.05 px, each to thrice it.
+    # The centroid of about 1400 whole pixels has an error of its own.
     assert np.abs(measured - expected).max() < 0.15
     assert np.abs((measured - expected).mean(axis=0)).max() < 0.05
     assert np.sqrt(np.mean((measured - expected) ** 2)) < 0.05

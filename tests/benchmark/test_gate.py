@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from benchmark.config import SweepConfig
+from benchmark.records import EpisodeRecord, PickRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.report.gate import Verdict, check, read_thresholds
+from benchmark.report.tables import build_table
+from vision.errors import FileFormatError, InputError
+
+CONFIG = SweepConfig(parts=("hub",), scenes=1)
+RESULT = {"dual": ProcessResult(True, True, PoseErrors(0.8, 1.0, None, 1.0, 2.0))}
+EPISODE = CONFIG.episode("hub", 0)
+RECORD = EpisodeRecord(
+    key=EPISODE.key,
+    parts=("hub",),
+    scene=0,
+    seed=EPISODE.seed,
+    config_hash=EPISODE.config_hash,
+    pieces=tuple(PieceRecord(i, "hub", 0.9, True, RESULT) for i in range(4)),
+    picks=(PickRecord(True, 0, True),),
+)  # four of four matched: the lower bound is 51 %
+
+
+def judge(tmp_path: Path, text: str, *records: EpisodeRecord) -> dict[str, Verdict]:
+    file = tmp_path / "thresholds.toml"
+    file.write_text(text)
+    thresholds = read_thresholds(file)
+    table = build_table(CONFIG, records or [RECORD], (thresholds.min_visibility,))
+    return {verdict.limit.name: verdict for verdict in check(table, thresholds)}
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "good", "bad"),
+    [
+        ("dual.hub", "matching_rate_low", 0.5, 0.52),
+        ("dual.hub", "extraction_rate_low", 0.5, 0.52),
+        ("dual.hub", "translation_mm_mean", 0.81, 0.79),
+        ("dual.hub", "tilt_deg_mean", 1.0, 0.9),
+        ("picks.hub", "rate_low", 0.2, 0.21),
+    ],
+)
+def test_a_threshold_is_met_or_missed(tmp_path: Path, section: str, key: str, good: float, bad: float) -> None:
+    name = f"{section}.{key}"
+    assert judge(tmp_path, f"[{section}]\n{key} = {good}")[name].passed
+    verdict = judge(tmp_path, f"[{section}]\n{key} = {bad}")[name]
+    assert not verdict.passed
+    assert verdict.shortfall == pytest.approx(abs(verdict.value - bad))
+    assert str(verdict).startswith(f"{name}: ")
+    assert "missed by" in str(verdict)
+
+
+@pytest.mark.parametrize("section", ["dual.cover1", "region.hub", "group.hub"])
+def test_an_empty_sample_misses_every_threshold(tmp_path: Path, section: str) -> None:
+    verdicts = judge(tmp_path, f"[{section}]\nmatching_rate_low = 0.0\ntranslation_mm_mean = 99")
+    for key in ("matching_rate_low", "translation_mm_mean"):
+        assert not verdicts[f"{section}.{key}"].passed
+        assert "nothing measured" in str(verdicts[f"{section}.{key}"])
+
+
+def test_a_visibility_of_its_own(tmp_path: Path) -> None:
+    text = "min_visibility = 0.95\n[dual.hub]\nmatching_rate_low = 0.1"
+    assert judge(tmp_path, text)["dual.hub.matching_rate_low"].n == 0
+
+
+def test_failed_and_missing_episodes_miss_unless_allowed(tmp_path: Path) -> None:
+    failed = replace(RECORD, error="x", pieces=())
+    assert not judge(tmp_path, "", failed)["episodes.failed"].passed
+    assert judge(tmp_path, "[episodes]\nfailed = 1", failed)["episodes.failed"].passed
+    assert judge(tmp_path, "")["episodes.missing"].passed
+    stranger = replace(CONFIG, scenes=3)
+    file = tmp_path / "thresholds.toml"
+    verdicts = check(build_table(stranger, [RECORD]), read_thresholds(file))
+    assert {v.limit.key: v.value for v in verdicts}["missing"] == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "[dual.hub]\nmatch_rate = 0.5",
+            r"dual.hub.match_rate: got an unknown key; expected one of .*matching_rate_low",
+        ),
+        ("[picks.hub]\nmatching_rate_low = 0.5", r"expected one of rate_low"),
+        ("[episodes]\nlost = 0", r"expected one of failed, missing"),
+        ("visibility = 0.5", r"visibility: got an unknown key"),
+        ("[dual]\nmatching_rate_low = 0.5", r"a section \[dual.PART\]"),
+        ("[dual.hub]\nmatching_rate_low = 'high'", r"got 'high'; expected a number"),
+        ("[dual.hub]\nmatching_rate_low = true", r"expected a number"),
+        ("[duel.hub]\nmatching_rate_low = 0.5", r"got duel; expected one of region, group, dual, picks"),
+        ("[dual.hat]\nmatching_rate_low = 0.5", r"got hat; expected one of hub, cover1, cover2"),
+        ("min_visibility = 2", r"a share from 0 to 1"),
+        ("[dual.hub", r"expected TOML"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_what_would_be_right(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(FileFormatError, match=message):
+        judge(tmp_path, text)
+
+
+def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="readable"):
+        read_thresholds(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize("name", ["table1", "smoke"])
+def test_the_examples_are_valid(name: str) -> None:
+    directory = Path(__file__).parents[2] / "benchmark" / "thresholds"
+    thresholds = read_thresholds(directory / f"{name}.toml")
+    assert len(check(build_table(CONFIG, [RECORD]), thresholds)) == len(thresholds.limits) > 6

@@ -1,0 +1,40 @@
+"""The choice of an OpenGL backend."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmark.world import gl
+from vision.errors import ResourceError
+
+
+def test_a_display_comes_first_and_software_follows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gl.sys, "platform", "linux")
+    assert gl.candidates({"DISPLAY": ":0"}) == ("glfw", "egl", "osmesa")
+    assert gl.candidates({"WAYLAND_DISPLAY": "wayland-0"})[0] == "glfw"
+    assert gl.candidates({"DISPLAY": ""}) == ("egl", "osmesa")
+
+
+def test_the_users_choice_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "osmesa")
+    monkeypatch.setattr(gl, "works", lambda backend: pytest.fail("probed although the user has chosen"))
+    assert gl.choose_backend() == "osmesa"
+
+
+def test_the_first_that_works_is_kept_for_child_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "")
+    monkeypatch.setattr(gl, "candidates", lambda environment: ("broken", "egl"))
+    monkeypatch.setattr(gl, "works", lambda backend: backend == "egl")
+    assert gl.choose_backend() == "egl"
+    assert gl.os.environ["MUJOCO_GL"] == "egl"
+
+
+def test_without_any_the_message_names_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "")
+    monkeypatch.setattr(gl, "works", lambda backend: False)
+    with pytest.raises(ResourceError, match="apt-get install .*libegl1 .*libosmesa6"):
+        gl.choose_backend()
+
+
+def test_a_backend_that_mujoco_does_not_know_does_not_work() -> None:
+    assert not gl.works("crayons")

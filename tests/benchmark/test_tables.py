@@ -1,0 +1,197 @@
+from __future__ import annotations
+
+import json
+import random
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.image
+import pytest
+from rich.console import Console
+
+from benchmark.config import SweepConfig, episodes
+from benchmark.metrics import wilson_interval
+from benchmark.records import EpisodeRecord, PickRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.report.figures import save_figures
+from benchmark.report.render import as_markdown, print_table
+from benchmark.report.tables import build_table, to_dict
+from vision.errors import InputError
+
+CONFIG = SweepConfig(parts=("cover2", "hub", "cover1"), scenes=1)
+FOUND, MISSED = ProcessResult(True, False), ProcessResult(False, False)
+
+
+def matched(translation_mm: float, tilt_deg: float = 1.0) -> ProcessResult:
+    return ProcessResult(True, True, PoseErrors(translation_mm, tilt_deg, 0.5, 2 * tilt_deg, translation_mm))
+
+
+def piece(
+    index: int, visibility: float, part: str = "hub", in_bin: bool = True, **results: ProcessResult
+) -> PieceRecord:
+    return PieceRecord(
+        index, part, visibility, in_bin, results, None if results.get("dual") != MISSED else "extraction"
+    )
+
+
+def record(kind: str = "hub", scene: int = 0, **fields: object) -> EpisodeRecord:
+    config = CONFIG.episode(kind, scene)
+    base = EpisodeRecord(config.key, config.parts, scene, config.seed, config.config_hash)
+    return replace(base, **fields)
+
+
+HUB = record(
+    pieces=(
+        piece(0, 0.9, region=matched(1.0), group=FOUND, dual=matched(1.0)),
+        piece(1, 0.5, region=MISSED, group=matched(2.0), dual=matched(3.0, 2.0)),
+        piece(2, 0.2, region=matched(5.0), group=MISSED, dual=MISSED),
+        piece(3, 0.05, region=matched(50.0), group=matched(50.0), dual=matched(50.0)),
+        piece(4, 0.9, in_bin=False, region=MISSED, group=MISSED, dual=MISSED),
+    ),
+    picks=(PickRecord(True, 0, True), PickRecord(True, None, False, "grip"), PickRecord(False, None, False)),
+    false_positives={"dual": 2},
+)
+
+
+def success(table: dict, **wanted: object) -> dict:
+    (row,) = (r for r in table["fig10"] if all(r[k] == v for k, v in wanted.items()))
+    return row
+
+
+def test_rates_are_counted_over_what_is_visible_enough_and_in_the_bin() -> None:
+    table = to_dict(build_table(CONFIG, [HUB]))
+    row = success(table, part="hub", method="dual", stage="matching", min_visibility=0.5)
+    assert (row["n"], row["successes"], row["rate"], row["published"]) == (2, 2, 1.0, 0.77)
+    assert (row["low"], row["high"]) == wilson_interval(2, 2)
+    row = success(table, part="hub", method="dual", stage="matching", min_visibility=0.1)
+    assert (row["n"], row["successes"]) == (3, 2)
+    row = success(table, part="hub", method="region", stage="extraction", min_visibility=0.1)
+    assert (row["n"], row["successes"], row["published"]) == (3, 2, None)
+    row = success(table, part="hub", method="group", stage="extraction", min_visibility=0.5)
+    assert (row["n"], row["successes"]) == (2, 2)
+
+
+def test_table1_is_over_matched_pieces_in_the_papers_order() -> None:
+    table = to_dict(build_table(CONFIG, [HUB]))
+    assert [(row["part"], row["process"]) for row in table["table1"]] == [
+        ("hub", "region"),
+        ("hub", "group"),
+        ("cover1", "region"),
+        ("cover1", "group"),
+        ("cover2", "group"),
+        ("cover2", "region"),
+    ]
+    region, group = table["table1"][:2]
+    assert (region["n"], region["translation_mm_mean"], region["translation_mm_median"]) == (2, 3.0, 3.0)
+    assert region["translation_mm_std"] == pytest.approx(8**0.5)
+    assert (region["rotation_deg_mean"], region["tilt_deg_mean"], region["inplane_deg_mean"]) == (2.0, 1.0, 0.5)
+    assert region["published"] == {
+        "translation_mm_mean": 3.4,
+        "translation_mm_std": 1.9,
+        "rotation_deg_mean": 11.3,
+        "rotation_deg_std": 5.7,
+    }
+    assert (group["n"], group["translation_mm_mean"], group["translation_mm_std"]) == (1, 2.0, None)
+
+
+def test_empty_groups_are_null() -> None:
+    table = to_dict(build_table(CONFIG, []))
+    text = json.dumps(table, allow_nan=False)
+    assert "NaN" not in text
+    assert all(row["n"] == 0 and row["translation_mm_mean"] is None for row in table["table1"])
+    assert all(row["rate"] is row["low"] is row["high"] is None for row in table["fig10"] + table["picks"])
+    assert table["episodes"] == {"planned": 3, "recorded": 0, "failed": {}}
+
+
+def test_what_is_in_no_rate_is_counted_apart() -> None:
+    (count,) = (c for c in to_dict(build_table(CONFIG, [HUB]))["counts"] if c["part"] == "hub")
+    assert (count["pieces"], count["out_of_bin"], count["barely_visible"]) == (5, 1, 1)
+    assert count["false_positives"] == {"dual": 2}
+    assert count["lost_at"] == {"extraction": 2}
+
+
+def test_only_attempted_picks_count_and_a_pick_of_nothing_is_a_failure() -> None:
+    picks = {row["part"]: row for row in to_dict(build_table(CONFIG, [HUB]))["picks"]}
+    assert (picks["hub"]["n"], picks["hub"]["successes"]) == (2, 1)
+    assert picks["cover1"]["n"] == 0
+
+
+def test_mixed_scenes_count_for_each_part() -> None:
+    config = SweepConfig(parts=("hub+cover1",), scenes=1)
+    mixed = EpisodeRecord(
+        key="hub+cover1/000",
+        parts=("hub", "cover1"),
+        scene=0,
+        seed=0,
+        config_hash="",
+        pieces=(piece(0, 0.9, "hub", dual=matched(1.0)), piece(1, 0.9, "cover1", dual=MISSED)),
+        picks=(PickRecord(True, 1, True),),
+    )
+    table = to_dict(build_table(config, [mixed]))
+    rates = {
+        part: success(table, part=part, method="dual", stage="matching", min_visibility=0.5)
+        for part in ("hub", "cover1")
+    }
+    assert (rates["hub"]["successes"], rates["cover1"]["successes"]) == (1, 0)
+    assert {row["part"]: row["n"] for row in table["picks"]} == {"hub": 0, "cover1": 1}
+
+
+def test_failed_episodes_are_reported_and_in_no_rate() -> None:
+    table = build_table(CONFIG, [HUB, record("cover1", error="ZeroDivisionError: x")])
+    assert table.failed == {"cover1/000": "ZeroDivisionError: x"}
+    for text in (as_markdown(table), shown(table)):
+        assert "Incomplete: 2 of 3 episodes" in text
+        assert "cover1/000: ZeroDivisionError: x" in text
+
+
+def test_the_order_of_the_records_and_their_timings_do_not_matter() -> None:
+    records = [
+        record(
+            config.kind, 0, pieces=tuple(piece(j, 0.9, config.kind, dual=matched(0.1 * i + j / 7)) for j in range(4))
+        )
+        for i, config in enumerate(episodes(CONFIG))
+    ]
+    shuffled = [replace(r, timings_s={"total": 1.0 * i}) for i, r in enumerate(records)]
+    random.Random(1).shuffle(shuffled)
+    assert to_dict(build_table(CONFIG, records)) == to_dict(build_table(CONFIG, shuffled))
+
+
+def test_the_users_own_localizer_gets_rows() -> None:
+    table = build_table(CONFIG, [record(pieces=(piece(0, 0.9, mine=matched(1.0)),))])
+    row = success(to_dict(table), part="hub", method="mine", stage="matching", min_visibility=0.5)
+    assert (row["n"], row["successes"]) == (1, 1)
+    assert "mine" in shown(table)
+
+
+def shown(table: object) -> str:
+    console = Console(width=120, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
+    print_table(table, console)
+    console.file.close()
+    return console.export_text()
+
+
+def test_text_has_the_measured_beside_the_published() -> None:
+    text = shown(build_table(CONFIG, [HUB]))
+    (hub,) = (line for line in text.splitlines() if line.startswith(" Hub") and "Region-match" in line)
+    assert hub.split()[:9] == ["Hub", "Region-match", "2", "3.00", "±", "2.83", "3.4", "±", "1.9"]
+    assert "77%" in text
+    assert max(map(len, text.splitlines())) <= 120
+
+
+def test_markdown_rows_have_as_many_cells_as_their_heading() -> None:
+    for block in as_markdown(build_table(CONFIG, [HUB])).split("\n\n"):
+        rows = [line for line in block.splitlines() if line.startswith("|")]
+        assert len({row.count("|") for row in rows}) <= 1
+
+
+@pytest.mark.parametrize("records", [[HUB], []])
+def test_figures_are_drawn(tmp_path: Path, records: list[EpisodeRecord]) -> None:
+    paths = save_figures(build_table(CONFIG, records), records, tmp_path / "new")
+    assert [path.name for path in paths] == ["fig10.png", "errors.png"]
+    for path in paths:
+        assert matplotlib.image.imread(path).std() > 0.05
+
+
+def test_figures_that_cannot_be_written_are_an_input_error(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="writable directory"):
+        save_figures(build_table(CONFIG, []), [], tmp_path / "file")
