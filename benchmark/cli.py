@@ -110,10 +110,11 @@ def _parse(
 
 
 def _first_sentence(box: str) -> str:
-    """What a box of tyro's says first, without frame and title."""
-    lines = [line.strip("│ ") for line in box.splitlines() if line.startswith("│")]
-    first = itertools.takewhile(lambda line: line and not line.startswith("─"), lines)
-    return " ".join(first).rstrip(". ") or "something else"
+    """What a box of tyro's says first, without its title and frame, which may be Unicode or ASCII."""
+    inside = [line.strip('│|" ') for line in box.splitlines()[1:]]
+    texts = ["" if set(line) <= set("─-╰╯") else line for line in inside]
+    paragraph = itertools.takewhile(bool, itertools.dropwhile(lambda text: not text, texts))
+    return " ".join(paragraph).rstrip(". ") or "something else"
 
 
 def _load(name: str) -> Callable[..., int]:

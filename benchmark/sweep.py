@@ -24,6 +24,13 @@ SINGLE_THREADED = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL
 """One thread for each process: the sweep itself fills the cores, and sums do not depend on the number of threads.
 ``LP_NUM_THREADS`` is that of Mesa's software renderer."""
 
+_IGNORE_INTERRUPT = """
+import signal
+
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+"""
+"""Runs in every worker: a terminal sends Ctrl-C to all processes, but only the sweep itself is to answer it."""
+
 _STOPPING = (ResourceError, FileFormatError)
 """Errors of the machine and of files, which every further episode would meet too; they end the sweep."""
 
@@ -181,6 +188,7 @@ def _client(workers: int) -> Iterator[Client]:
     settings = {
         "logging.distributed": "critical",
         "distributed.nanny.pre-spawn-environ": environment,
+        "distributed.worker.preload": [_IGNORE_INTERRUPT],
         "distributed.worker.memory.target": False,  # an episode cannot be spilled or paused half-way
         "distributed.worker.memory.spill": False,
         "distributed.worker.memory.pause": False,

@@ -10,7 +10,9 @@ from robot.gripper_geometry import Boxes
 Array = NDArray[np.float64]
 
 
-def points_clearance(tool: Boxes, rotations: Array, translations: Array, points: Array) -> Array:
+def points_clearance(
+    tool: Boxes, rotations: Array, translations: Array, points: Array, up_to_m: float = np.inf
+) -> Array:
     """Signed distance of the nearest point to the tool, per pose.
 
     Args:
@@ -18,19 +20,35 @@ def points_clearance(tool: Boxes, rotations: Array, translations: Array, points:
         rotations: (K, 3, 3) of the tool's poses.
         translations: (K, 3) in m.
         points: (N, 3) obstacles in the poses' reference frame.
+        up_to_m: larger distances do not matter and are cut to this; saves most of the time.
 
     Returns:
-        (K,) distances in m, negative inside the tool; inf without points.
+        (K,) distances in m, negative inside the tool; ``up_to_m`` without points.
     """
-    nearest = np.full(len(rotations), np.inf)
+    nearest = np.full(len(rotations), up_to_m)
     if not len(points):
         return nearest
-    in_tool = np.einsum("kji,knj->kni", rotations, points[None] - translations[:, None])
+    in_tool = (points[None] - translations[:, None]) @ rotations
+    low, high = _bounds(tool)
+    near = ((in_tool > low - up_to_m) & (in_tool < high + up_to_m)).all(axis=-1)
+    pose_of, candidates = np.nonzero(near)[0], in_tool[near]
     for centre, rotation, half in zip(tool.centres, tool.rotations, tool.half_sizes, strict=True):
-        outside = np.abs((in_tool - centre) @ rotation) - half
+        outside = np.abs((candidates - centre) @ rotation) - half
         distance = np.linalg.norm(np.maximum(outside, 0.0), axis=-1) + np.minimum(outside.max(axis=-1), 0.0)
-        nearest = np.minimum(nearest, distance.min(axis=1))
+        np.minimum.at(nearest, pose_of, distance)
     return nearest
+
+
+def swept_back(tool: Boxes, distance_m: float) -> Boxes:
+    """Axis-parallel boxes that contain the tool all the way while it retreats along its -z axis."""
+    extents = np.einsum("nij,nj->ni", np.abs(tool.rotations), tool.half_sizes)
+    back = np.array([0.0, 0.0, distance_m / 2])
+    return Boxes(tool.centres - back, np.broadcast_to(np.eye(3), tool.rotations.shape), extents + back)
+
+
+def _bounds(tool: Boxes) -> tuple[Array, Array]:
+    extents = np.einsum("nij,nj->ni", np.abs(tool.rotations), tool.half_sizes)
+    return (tool.centres - extents).min(axis=0), (tool.centres + extents).max(axis=0)
 
 
 def boxes_clearance(tool: Boxes, rotations: Array, translations: Array, obstacles: Boxes) -> Array:

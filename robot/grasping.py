@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from robot.arm import joint_vector
-from robot.clearance import boxes_clearance, points_clearance
+from robot.clearance import boxes_clearance, points_clearance, swept_back
 from robot.errors import UnreachableError
 from robot.gripper_geometry import Boxes, GripperGeometry
 from robot.kinematics import ArmKinematics
@@ -20,6 +20,8 @@ from robot.trajectory import Trajectory, cartesian_line
 from vision.errors import InputError
 
 Array = NDArray[np.float64]
+
+_POINT_SPACING_M = 0.0025
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +120,7 @@ class GraspPlan:
         open_width_m: the fingers' gap on the way to the piece.
         approach: from the pre-grasp to the grasp; its first row is the joint position to move to.
         lift: from the grasp to the lift.
-        clearance_m: distance from everything but the piece, over the approach.
+        clearance_m: distance from everything but the piece over the approach, cut at the good clearance.
         tilt_rad: angle of the approach from straight down.
     """
 
@@ -190,7 +192,12 @@ def plan_grasp(
     """
     seed = joint_vector(seed_q)
     rejected: Counter[str] = Counter()
-    candidates = [c for i in range(len(pieces)) for c in _free(i, gripper, pieces, environment, settings, rejected)]
+    clouds = [_thinned(piece.points_world) for piece in pieces]
+    candidates = [
+        candidate
+        for index in range(len(pieces))
+        for candidate in _free(index, gripper, pieces, clouds, environment, settings, rejected)
+    ]
     candidates.sort(key=lambda c: _score(c, settings), reverse=True)
     for candidate in candidates[: settings.max_tries]:
         plan = _reach(candidate, kinematics, gripper, seed, settings)
@@ -210,14 +217,14 @@ def _free(
     index: int,
     gripper: GripperGeometry,
     pieces: Sequence[Piece],
+    clouds: Sequence[Array],
     environment: Boxes,
     settings: GraspSettings,
     rejected: Counter[str],
 ) -> Iterator[_Candidate]:
     """The grasps of one piece that collide with nothing."""
-    own = pieces[index].points_world
-    others = [piece.points_world for number, piece in enumerate(pieces) if number != index]
-    obstacles = np.concatenate([np.zeros((0, 3)), *others])
+    own = clouds[index]
+    obstacles = np.concatenate([np.zeros((0, 3)), *(cloud for i, cloud in enumerate(clouds) if i != index)])
     for grasp in pieces[index].grasps:
         width = _open_width(grasp, gripper, settings)
         if width is None:
@@ -230,11 +237,8 @@ def _free(
         rejected["too tilted"] += len(tilts) - len(upright)
         if not len(upright):
             continue
-        tool, turns, points = gripper.boxes(width), rotations[upright], translations[upright]
-        clearances = np.minimum(
-            _clearances(tool, turns, points, obstacles, environment, settings.approach_m),
-            # The fingers are meant to touch the piece itself; the palm and the camera are not.
-            points_clearance(gripper.palm, turns, points, own),
+        clearances = _clearances(
+            gripper, width, rotations[upright], translations[upright], own, obstacles, environment, settings
         )
         for number, clearance in zip(upright, clearances, strict=True):
             if clearance < settings.min_clearance_m:
@@ -266,19 +270,31 @@ def _copies(T_world_part: RigidTransform, grasp: TaughtGrasp) -> RigidTransform:
 
 
 def _clearances(
-    tool: Boxes, rotations: Array, translations: Array, points: Array, environment: Boxes, approach_m: float
+    gripper: GripperGeometry,
+    width_m: float,
+    rotations: Array,
+    translations: Array,
+    own: Array,
+    obstacles: Array,
+    environment: Boxes,
+    settings: GraspSettings,
 ) -> Array:
-    """(K,) smallest clearance over the straight approach."""
-    size = float(np.linalg.norm(np.abs(tool.centres) + tool.half_sizes.max(axis=1, keepdims=True), axis=1).max())
-    middle = translations.mean(axis=0)
-    spread = float(np.linalg.norm(translations - middle, axis=1).max()) + approach_m
-    points = points[np.linalg.norm(points - middle, axis=1) < size + spread]
-    nearest = np.full(len(rotations), np.inf)
-    for back in np.linspace(0.0, approach_m, 4):
-        retreated = translations - back * rotations[:, :, 2]
-        nearest = np.minimum(nearest, points_clearance(tool, rotations, retreated, points))
-        nearest = np.minimum(nearest, boxes_clearance(tool, rotations, retreated, environment))
-    return nearest
+    """(K,) smallest clearance over the straight approach, cut at the good one; the cheap checks go first."""
+    tool = swept_back(gripper.boxes(width_m), settings.approach_m)
+    good = settings.good_clearance_m
+    clearances = np.minimum(boxes_clearance(tool, rotations, translations, environment), good)
+    # The fingers are meant to touch the piece itself; the palm and the camera are not.
+    for boxes, points in ((gripper.palm, own), (tool, obstacles)):
+        free = np.flatnonzero(clearances >= settings.min_clearance_m)
+        found = points_clearance(boxes, rotations[free], translations[free], points, good)
+        clearances[free] = np.minimum(clearances[free], found)
+    return clearances
+
+
+def _thinned(points: Array) -> Array:
+    """One point per cube of a grid that no finger slips through."""
+    _, first = np.unique(np.floor(points / _POINT_SPACING_M).astype(np.int64), axis=0, return_index=True)
+    return points[first]
 
 
 def _reach(

@@ -53,49 +53,83 @@ def explained(conics, counts, points, outwards, tolerance):  # type: ignore[no-u
 
 @njit(cache=True)
 def best_stretch(points, outwards, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """The conic, fitted to a stretch of a closed boundary, that most of all points agree with.
+    """The ellipse, fitted to a stretch of a closed boundary, that most of all points agree with.
 
     Args:
-        points: (N, 2) in order, centred and of unit size.
+        points: (N, 2) in order.
         outwards: (N, 2) unit normals out of the curve.
         tolerance: as in :func:`agree`.
 
     Returns:
-        The conic (3, 3), the number of points that agree with it, and its semi-major and semi-minor axis; all 0
+        Its geometric parameters (5,): centre, semi-axes and angle; which points agree with it, (N,) bool: none
         where no stretch is part of an ellipse.
     """
     n = len(points)
-    sums = _running_sums(points)
-    best, best_count = np.zeros((3, 3)), 0
+    shift = np.array([points[:, 0].mean(), points[:, 1].mean()])
+    scale = max(np.abs(points - shift).max(), 1e-9)
+    unit = (points - shift) / scale
+    sums = _running_sums(unit)
+    best, best_count, on_best = np.zeros(5), 0, np.zeros(n, np.bool_)
     for part in _STRETCHES:
         length = int(part * n)
         if part < 1.0 and length < _MIN_STRETCH:
             break
         for first in range(0, n if part < 1.0 else 1, max(length // 3, 1)):
             conic = _fit_conic(sums[first + length] - sums[first])
-            if _semi_axes(conic)[1] <= 0:
+            ellipse = _geometric(conic)
+            if ellipse[3] <= 0:
                 continue
-            count = int(np.count_nonzero(agree(conic, points, outwards, tolerance)))
+            on_conic = agree(conic, unit, outwards, tolerance / scale)
+            count = int(np.count_nonzero(on_conic))
             if count > best_count:
-                best, best_count = conic, count
-    semi_major, semi_minor = _semi_axes(best)
-    return best, best_count, semi_major, semi_minor
+                best, best_count, on_best = ellipse, count, on_conic
+    best[:4] *= scale
+    best[:2] += shift
+    return best, on_best
 
 
 @njit(cache=True)
-def _semi_axes(conic):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Semi-major and semi-minor axis of a conic (3, 3) with a + c = 1; 0 where it is no real ellipse."""
-    a, b, c = conic[0, 0], conic[0, 1], conic[1, 1]
+def _geometric(conic):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Centre, semi-axes and angle (5,) of a conic (3, 3) with a + c = 1; all 0 where it is no real ellipse."""
+    a, b, c, d, e = conic[0, 0], conic[0, 1], conic[1, 1], conic[0, 2], conic[1, 2]
     determinant = a * c - b * b
     if determinant <= 0:
-        return 0.0, 0.0
-    d, e = conic[0, 2], conic[1, 2]
-    at_centre = conic[2, 2] - (c * d * d - 2 * b * d * e + a * e * e) / determinant
+        return np.zeros(5)
+    x, y = (b * e - c * d) / determinant, (b * d - a * e) / determinant
+    at_centre = conic[2, 2] + d * x + e * y
     if at_centre >= 0:
-        return 0.0, 0.0
-    spread = np.hypot((a - c) / 2, b)
-    largest = (a + c) / 2 + spread
-    return np.sqrt(-at_centre * largest / determinant), np.sqrt(-at_centre / largest)
+        return np.zeros(5)
+    largest = (a + c) / 2 + np.hypot((a - c) / 2, b)
+    semi_major, semi_minor = np.sqrt(-at_centre * largest / determinant), np.sqrt(-at_centre / largest)
+    return np.array([x, y, semi_major, semi_minor, np.arctan2(-2 * b, c - a) / 2])
+
+
+@njit(cache=True)
+def rms_distance(conic, points):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Root mean square of the first-order distances of points (N, 2) to a conic (3, 3)."""
+    total = 0.0
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        slope_x = conic[0, 0] * x + conic[0, 1] * y + conic[0, 2]
+        slope_y = conic[0, 1] * x + conic[1, 1] * y + conic[1, 2]
+        value = x * slope_x + y * slope_y + conic[0, 2] * x + conic[1, 2] * y + conic[2, 2]
+        total += value**2 / max(slope_x**2 + slope_y**2, 1e-24) / 4
+    return np.sqrt(total / max(len(points), 1))
+
+
+@njit(cache=True)
+def part_covered(geometric, points, cells):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """The part of the circumference, cut into cells of equal eccentric angle, that has points (N, 2) near it."""
+    x, y, semi_major, semi_minor, angle = geometric
+    cos, sin = np.cos(angle), np.sin(angle)
+    covered = np.zeros(cells, np.bool_)
+    for i in range(len(points)):
+        dx, dy = points[i, 0] - x, points[i, 1] - y
+        eccentric = np.arctan2((cos * dy - sin * dx) / semi_minor, (cos * dx + sin * dy) / semi_major)
+        covered[int(np.floor(eccentric / (2 * np.pi) * cells)) % cells] = True
+    t = (np.arange(cells) + 0.5) * 2 * np.pi / cells
+    length = np.hypot(semi_major * np.sin(t), semi_minor * np.cos(t))
+    return length[covered].sum() / length.sum()
 
 
 @njit(cache=True)

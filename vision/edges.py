@@ -39,9 +39,9 @@ class EdgeParameters:
     """
 
     smoothing_px: float = 1.0
-    gradient_quantile: float = .85
+    gradient_quantile: float = 0.85
     min_contrast: float = 2.5
-    max_contrast: float = 6
+    max_contrast: float = 8.0
     hysteresis: float = 0.4
     min_length_px: int = 8
     max_gap_px: int = 3

@@ -264,6 +264,11 @@ def _measure(points, gradients, start, stop, sense, image, offset):  # type: ign
         endpoints[f, 0], endpoints[f, 1] = points[a], points[b]
         chord = points[b] - points[a]
         size = max(np.hypot(chord[0], chord[1]), 1e-9)
+        if size < 0.15 * length[f]:
+            # The chord of an almost closed loop has no direction to speak of; take it square to the radius.
+            radial = 0.5 * (points[a] + points[b]) - centre[f]
+            size = max(np.hypot(radial[0], radial[1]), 1e-9)
+            chord[0], chord[1] = side * radial[1], -side * radial[0]
         # Turning from x towards y (side +1) has the inside at the tangent + 90 degrees.
         normals[f, 2, 0], normals[f, 2, 1] = -side * chord[1] / size, side * chord[0] / size
         for k in range(a, b + 1):

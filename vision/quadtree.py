@@ -257,6 +257,8 @@ def _unite(root, first, second, area, total, similar, max_contrast, min_area):  
 def _number_regions(tree: Quadtree, root: Labels, min_area: int) -> Labels:
     """Consecutive labels for the regions that are large enough."""
     area = np.bincount(root, weights=tree.size.astype(float) ** 2, minlength=len(root))
-    is_region = (area >= max(min_area, 1)) & ~tree.is_edge
+    # An image smaller than the smallest region is still one.
+    enough = max(min(min_area, tree.leaf_of_pixel.size), 1)
+    is_region = (area >= enough) & ~tree.is_edge
     label_of_root = np.where(is_region, np.cumsum(is_region), BOUNDARY).astype(np.int32)
     return np.asarray(label_of_root[root], dtype=np.int32)

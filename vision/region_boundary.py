@@ -6,7 +6,6 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -65,7 +64,7 @@ def refine_boundaries(
     normals = [_normals(c, is_hole, spacing) for c, is_hole in contours]
     sizes = [len(s) for s in starts]
     start, normal = np.concatenate(starts), np.concatenate(normals)
-    offset, is_edge = _peaks(_profiles(start, normal, gradient), min_gradient)
+    offset, is_edge = _peaks(_profiles(start, normal, *gradient), min_gradient)
     points = (start + offset[:, None] * normal)[is_edge]
     outwards = (normal * np.repeat([-1.0 if is_hole else 1.0 for _, is_hole in contours], sizes)[:, None])[is_edge]
     ends = np.concatenate([[0], np.cumsum(is_edge)])[np.cumsum(sizes)].tolist()
@@ -92,17 +91,36 @@ def _normals(contour, is_hole, spacing):  # type: ignore[no-untyped-def]  # prag
     return normals
 
 
-def _profiles(start: Array, normal: Array, gradient: tuple[NDArray[np.int16], NDArray[np.int16]]) -> Array:
-    """(N, len(_PROFILE)) size of the gradient's component along the normal, 0 outside the image."""
-    x = (start[:, :1] + normal[:, :1] * _PROFILE).astype(np.float32)
-    y = (start[:, 1:] + normal[:, 1:] * _PROFILE).astype(np.float32)
-    # cv2.remap takes no more than 32767 rows.
-    along = np.empty(x.shape)
-    for first in range(0, len(x), 30000):
-        part = slice(first, first + 30000)
-        dx, dy = (cv2.remap(g, x[part], y[part], cv2.INTER_CUBIC) for g in gradient)
-        along[part] = dx * normal[part, :1] + dy * normal[part, 1:]
-    return np.abs(along)
+@njit(cache=True)
+def _profiles(start, normal, dx, dy):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """(N, len(_PROFILE)) size of the gradient's component along the normal, by cubic interpolation; 0 at the border."""
+    height, width = dx.shape
+    along = np.zeros((len(start), len(_PROFILE)))
+    for i in range(len(start)):
+        for k in range(len(_PROFILE)):
+            x, y = start[i, 0] + _PROFILE[k] * normal[i, 0], start[i, 1] + _PROFILE[k] * normal[i, 1]
+            left, top = int(np.floor(x)) - 1, int(np.floor(y)) - 1
+            if left < 0 or top < 0 or left + 3 >= width or top + 3 >= height:
+                continue
+            by_x, by_y = _cubic_weights(x - left - 1), _cubic_weights(y - top - 1)
+            value = 0.0
+            for v in range(4):
+                for u in range(4):
+                    across = dx[top + v, left + u] * normal[i, 0] + dy[top + v, left + u] * normal[i, 1]
+                    value += by_y[v] * by_x[u] * across
+            along[i, k] = abs(value)
+    return along
+
+
+@njit(cache=True)
+def _cubic_weights(t):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Catmull-Rom weights of the samples at -1, 0, 1, 2 for the place t in 0..1."""
+    return (
+        ((2 - t) * t - 1) * t / 2,
+        ((3 * t - 5) * t * t + 2) / 2,
+        ((4 - 3 * t) * t + 1) * t / 2,
+        (t - 1) * t * t / 2,
+    )
 
 
 def _peaks(profiles: Array, min_gradient: float) -> tuple[Array, NDArray[np.bool_]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.boundary_consensus import agree, best_stretch, explained
+from vision.boundary_consensus import agree, best_stretch, explained, part_covered, rms_distance
 from vision.ellipse import Array, Ellipse
 from vision.ellipse_fit import fit_ellipse
 from vision.errors import InputError
@@ -107,70 +107,71 @@ def region_ellipses(
     conics, counts = np.empty((0, 3, 3)), np.empty(0, int)
     for boundary, (_, _, attributes) in zip(boundaries, candidates, strict=True):
         fresh = ~explained(conics, counts, boundary.points, boundary.outwards, fit.tolerance_px)
-        found = list(_boundary_ellipses(boundary.points[fresh], boundary.outwards[fresh], attributes, fit))
-        if found:
-            conics = np.concatenate([conics, [f.ellipse.conic for f in found]])
-            counts = np.concatenate([counts, [len(f.points) for f in found]])
-            features += found
+        for feature, conic in _boundary_ellipses(boundary.points[fresh], boundary.outwards[fresh], attributes, fit):
+            features.append(feature)
+            conics, counts = np.concatenate([conics, conic[None]]), np.append(counts, len(feature.points))
     return _distinct(sorted(features, key=lambda f: -f.score))
 
 
 def _boundary_ellipses(
     points: Array, outwards: Array, attributes: RegionAttributes, fit: BoundaryFit
-) -> Iterator[EllipseFeature]:
-    """The ellipses on the points of one boundary, the one that most of them agree with first."""
+) -> Iterator[tuple[EllipseFeature, Array]]:
+    """The ellipses on the points of one boundary and their conics, the one that most points agree with first."""
     for _ in range(fit.max_per_boundary):
-        conic = _most_agreed(points, outwards, fit)
-        settled = None if conic is None else _settle(conic, points, outwards, fit)
+        if len(points) < _MIN_POINTS:
+            return
+        rough, on_ellipse = best_stretch(points, outwards, fit.tolerance_px)
+        settled = _settle(rough, on_ellipse, points, outwards, fit)
         if settled is None:
             return
-        ellipse, on_ellipse = settled
-        feature = _judge(ellipse, points[on_ellipse], attributes, fit)
+        ellipse, conic, on_ellipse = settled
+        feature = _judge(ellipse, conic, points[on_ellipse], attributes, fit)
         if feature is not None:
-            yield feature
+            yield feature, conic
         points, outwards = points[~on_ellipse], outwards[~on_ellipse]
 
 
-def _most_agreed(points: Array, outwards: Array, fit: BoundaryFit) -> Array | None:
-    """The conic (3, 3), fitted to a stretch of the boundary, that most of all its points agree with."""
-    if len(points) < _MIN_POINTS:
-        return None
-    shift = points.mean(axis=0)
-    scale = max(float(np.abs(points - shift).max()), 1e-9)
-    conic, agreed, semi_major, semi_minor = best_stretch((points - shift) / scale, outwards, fit.tolerance_px / scale)
-    if agreed < _MIN_POINTS or semi_minor < 0.8 * max(fit.min_semi_axis_px / scale, fit.min_axis_ratio * semi_major):
-        return None
-    # Steps along a pixel contour are at most a diagonal long, so that few points cannot cover much.
-    reach = agreed * _SPACING * np.sqrt(2) / scale
-    if reach < fit.min_support * np.pi * (semi_major + semi_minor):
-        return None
-    to_unit = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]], [0, 0, scale]]) / scale
-    return np.asarray(to_unit.T @ conic @ to_unit)
-
-
 def _settle(
-    conic: Array, points: Array, outwards: Array, fit: BoundaryFit
-) -> tuple[Ellipse, NDArray[np.bool_]] | None:
-    """Fit the ellipse to the points that agree with it, and again, until these are the same points."""
-    ellipse = Ellipse.from_conic(conic)
-    on_ellipse = agree(conic, points, outwards, fit.tolerance_px)
+    rough: Array, on_ellipse: NDArray[np.bool_], points: Array, outwards: Array, fit: BoundaryFit
+) -> tuple[Ellipse, Array, NDArray[np.bool_]] | None:
+    """Fit the ellipse to the points that agree with it, and again, until these are the same points.
+
+    Args:
+        rough: (5,) geometric parameters.
+        on_ellipse: (N,) the points that agree with it.
+        points: (N, 2) of the boundary.
+        outwards: (N, 2) its normals.
+        fit: when a boundary passes for an ellipse.
+
+    Returns:
+        The ellipse, its conic and the points on it, or None where too few points agree to pass.
+    """
+    semi_major, semi_minor = rough[2:4]
+    # Steps along a pixel contour are at most a diagonal long, so that few points cannot cover much.
+    reach = np.count_nonzero(on_ellipse) * _SPACING * np.sqrt(2)
+    too_short = reach < fit.min_support * np.pi * (semi_major + semi_minor)
+    if too_short or semi_minor < 0.8 * max(fit.min_semi_axis_px, fit.min_axis_ratio * semi_major):
+        return None
+    ellipse = Ellipse.from_geometric(*rough)
     for _ in range(3):
         fitted = fit_ellipse(points[on_ellipse], fit.sigma_px, initial=ellipse)
         if fitted is None or fitted.semi_axes[1] < 0.05 * fitted.semi_axes[0]:
             return None
-        ellipse = fitted
-        before, on_ellipse = on_ellipse, agree(ellipse.conic, points, outwards, fit.tolerance_px)
+        ellipse, conic = fitted, fitted.conic
+        before, on_ellipse = on_ellipse, agree(conic, points, outwards, fit.tolerance_px)
         if np.count_nonzero(before != on_ellipse) <= 0.02 * len(points):
             break
-    return ellipse, on_ellipse
+    return ellipse, conic, on_ellipse
 
 
-def _judge(ellipse: Ellipse, points: Array, attributes: RegionAttributes, fit: BoundaryFit) -> EllipseFeature | None:
+def _judge(
+    ellipse: Ellipse, conic: Array, points: Array, attributes: RegionAttributes, fit: BoundaryFit
+) -> EllipseFeature | None:
     """The ellipse as a feature, or None where the fit is poor."""
     semi_major, semi_minor = ellipse.semi_axes
     if semi_minor < max(fit.min_semi_axis_px, fit.min_axis_ratio * semi_major) or len(points) < _MIN_POINTS:
         return None
-    rms = float(np.sqrt(np.mean(ellipse.distance(points) ** 2)))
+    rms = rms_distance(conic, points)
     support = circumference_covered(ellipse, points)
     if rms > fit.max_rms_px or support < fit.min_support:
         return None
@@ -180,16 +181,9 @@ def _judge(ellipse: Ellipse, points: Array, attributes: RegionAttributes, fit: B
 
 def circumference_covered(ellipse: Ellipse, points: Array, cell_px: float = 6.0) -> float:
     """The part of the circumference, cut into cells of about the given length, that has points (N, 2) near it."""
-    (semi_major, semi_minor), angle = ellipse.semi_axes, ellipse.angle
-    cells = int(np.clip(np.pi * (semi_major + semi_minor) / cell_px, 12, 360))
-    d = points - ellipse.centre
-    along, across = d @ [np.cos(angle), np.sin(angle)], d @ [-np.sin(angle), np.cos(angle)]
-    eccentric = np.arctan2(across / semi_minor, along / semi_major)
-    covered = np.zeros(cells, bool)
-    covered[np.floor((eccentric / (2 * np.pi)) * cells).astype(int) % cells] = True
-    t = (np.arange(cells) + 0.5) * 2 * np.pi / cells
-    length = np.hypot(semi_major * np.sin(t), semi_minor * np.cos(t))
-    return float(length[covered].sum() / length.sum())
+    geometric = ellipse.geometric
+    cells = int(np.clip(np.pi * (geometric[2] + geometric[3]) / cell_px, 12, 360))
+    return float(part_covered(geometric, points, cells))
 
 
 def _distinct(features: list[EllipseFeature]) -> list[EllipseFeature]:

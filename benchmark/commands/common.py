@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from vision.errors import InputError, ResourceError
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 _PRESET = "(default: the preset's)"
 _LEFT_OUT = "(optional)"
@@ -59,6 +63,25 @@ def prepare_process() -> None:
             f"or run: sudo apt-get install -y {' '.join(APT_PACKAGES)}"
         )
     choose_backend()
+
+
+def check_localizer(name: str, part_names: Sequence[str]) -> None:
+    """Make the localizer once, so that what is wrong with it shows before anything runs.
+
+    Raises:
+        InputError: no such localizer, or a part that it was not taught.
+        FileFormatError: a vision model's file is corrupt.
+    """
+    from benchmark.localizers import load_model, make_localizer
+
+    make_localizer(name, [load_model(part) for part in part_names], tuple)
+
+
+def results_console() -> Console:
+    """The console for results: as wide as the terminal; a pipe or log has no width, and 80 columns break the rows."""
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else 120)
 
 
 def print_line(text: str) -> None:

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchmark.commands.common import Name, Number, OptionalPath, prepare_process, print_line, split_parts
+from benchmark.commands.common import (
+    Name,
+    Number,
+    OptionalPath,
+    prepare_process,
+    print_line,
+    results_console,
+    split_parts,
+)
 
 
 def run(
@@ -36,8 +44,6 @@ def run(
         task: pick, or none to stop when the poses are found.
         rrd: file for the rerun recording.
     """
-    from rich.console import Console
-
     from benchmark.commands.outcome import outcome_table, pick_lines
     from benchmark.config import PRESETS, SweepConfig
 
@@ -47,6 +53,7 @@ def run(
     if rrd is not None:
         _check_writable(rrd)
     prepare_process()
+    check_localizer(config.localizer, config.parts)
     if rrd is not None:
         from benchmark.report.rerun_log import record_episode
 
@@ -55,7 +62,7 @@ def run(
         from benchmark.episode import run_episode
 
         record = run_episode(config)
-    console = Console()
+    console = results_console()
     console.print(outcome_table(record))
     for line in pick_lines(record):
         console.print(line, highlight=False)

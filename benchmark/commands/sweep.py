@@ -9,6 +9,7 @@ from benchmark.commands.common import (
     OptionalPath,
     PresetName,
     PresetNumber,
+    check_localizer,
     prepare_process,
     print_line,
     split_parts,
@@ -69,6 +70,7 @@ def sweep(
     )
     out = out or Path("results") / preset
     prepare_process()
+    check_localizer(config.localizer, config.part_names)
     with SweepProgress(config.workers) as progress:
         records = run_sweep(config, out, on_progress=progress)
     Console(stderr=True).print(timing_table(records))

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
-import sys
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-from benchmark.commands.common import OptionalPath, SweepDirectory, print_line
-
-if TYPE_CHECKING:
-    from benchmark.report.tables import Table
+from benchmark.commands.common import OptionalPath, SweepDirectory, print_line, results_console
 
 
 def table(
@@ -44,20 +39,12 @@ def table(
 
         print(as_markdown(result), end="")
     else:
-        _print_text(result)
+        from benchmark.report.render import print_table
+
+        print_table(result, results_console())
     if figures is not None:
         from benchmark.report.figures import save_figures
 
         for path in save_figures(result, records, figures):
             print_line(f"Drawn: {path}")
     return 0
-
-
-def _print_text(result: Table) -> None:
-    from rich.console import Console
-
-    from benchmark.report.render import print_table
-
-    # A pipe or log has no width of its own; an 80 column default would break the rows.
-    wide = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 120
-    print_table(result, Console(width=wide))

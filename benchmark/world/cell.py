@@ -65,7 +65,7 @@ class WorkCell:
         self.camera: Camera = config.camera
         self._camera_id = self.model.camera(CAMERA).id
         self._bodies = [self.model.body(f"piece_{i}").id for i in range(config.pieces)]
-        self._renderer = CellRenderer(self.model, config)
+        self._renderer = CellRenderer(self.model, config, has_marks=sensor.texture_strength > 0)
         self._appearance: Appearance | None = None
         self._hand_eye_error = RigidTransform.identity()
         mujoco.mj_forward(self.model, self.data)

@@ -16,7 +16,7 @@ from benchmark.world.scene import CellConfig
 Array = NDArray[np.float64]
 OnStep = Callable[[], None]
 
-REST_SPEED_M_S = 0.003
+REST_SPEED_DIAMETERS_S = 0.01
 REST_TIME_S = 0.2
 TIMEOUT_S = 6.0
 _CHECK_EVERY_STEPS = 10
@@ -46,8 +46,8 @@ def drop_pieces(
 ) -> DropResult:
     """Let the pieces fall into the bin one after another, each from a random pose just above the heap.
 
-    A piece rests when neither its centre nor its rim moves faster than 3 mm/s; the drop is over when all pieces in
-    the bin have rested for 0.2 s on end, or after 6 s.
+    A piece rests when neither its centre nor its rim moves faster than a hundredth of its diameter per second; the
+    drop is over when all pieces in the bin have rested for 0.2 s on end, or after 6 s.
 
     Args:
         model: the compiled cell.
@@ -67,7 +67,7 @@ def drop_pieces(
     while data.time - start < TIMEOUT_S:
         _run(model, data, _CHECK_EVERY_STEPS * model.opt.timestep, on_step)
         inside = in_bin(data, config, bodies)
-        if (rim_speeds(model, data, bodies, diameters)[inside] > REST_SPEED_M_S).any():
+        if (rim_speeds(model, data, bodies, diameters) > REST_SPEED_DIAMETERS_S * diameters)[inside].any():
             resting_since = data.time
         elif data.time - resting_since >= REST_TIME_S:
             break

@@ -67,3 +67,28 @@ def works(backend: str, timeout_s: float = 60.0) -> bool:
     except (OSError, subprocess.TimeoutExpired):
         return False
     return probe.returncode == 0
+
+
+def renderer_name() -> str:
+    """What draws in the current OpenGL context, for example ``llvmpipe (LLVM 15.0.6, 256 bits)``; empty without one."""
+    from OpenGL import GL  # needs the platform that MuJoCo's context has settled
+
+    name = GL.glGetString(GL.GL_RENDERER)
+    return name.decode() if isinstance(name, bytes) else ""
+
+
+def main() -> int:
+    """Print the backend that works here; 1 and the remedy where none does."""
+    asked = os.environ.get(_VARIABLE, "")
+    try:
+        if asked and not works(asked):
+            raise ResourceError(f"OpenGL: {_VARIABLE}={asked} does not work here; unset it")
+        print(choose_backend())
+    except ResourceError as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

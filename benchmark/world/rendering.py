@@ -61,14 +61,23 @@ class Visibility:
 class CellRenderer:
     """Draws the cell with MuJoCo's renderer. Holds an OpenGL context: close it, or use it in a `with` block."""
 
-    def __init__(self, model: mujoco.MjModel, config: CellConfig) -> None:
+    def __init__(self, model: mujoco.MjModel, config: CellConfig, *, has_marks: bool = True) -> None:
         """Open the OpenGL context.
+
+        Args:
+            model: the compiled cell; the renderer changes its light, textures and highlights.
+            config: what it was compiled from.
+            has_marks: whether surfaces can have marks; to go without saves a third of the time of a picture.
 
         Raises:
             ResourceError: this machine cannot draw.
         """
         gl.choose_backend()
-        self._model, self._config = model, config
+        self._model, self._config, self._has_marks = model, config, has_marks
+        self._pieces = [f"piece_{i}" for i in range(config.pieces)]
+        self._materials = ["bin", *self._pieces]
+        if not has_marks:
+            model.mat_texid[[model.material(name).id for name in self._materials]] = -1
         width, height = config.resolution_px
         self._renderer = mujoco.Renderer(model, height, width)
         atexit.register(self.close)  # a context that outlives OpenGL itself complains at the interpreter's exit
@@ -91,27 +100,23 @@ class CellRenderer:
         light = model.light(KEY_LIGHT).id
         model.light_dir[light] = appearance.light_direction
         model.light_pos[light] = self._config.bin_centre_m - self._config.light_distance_m * model.light_dir[light]
-        pieces = [f"piece_{i}" for i in range(self._config.pieces)]
-        for name in pieces:
+        for name in self._pieces:
             model.mat_specular[model.material(name).id] = appearance.specular
-        self._set_marks(["bin", *pieces], appearance)
+        if self._has_marks:
+            self._draw_marks(appearance)
 
-    def _set_marks(self, materials: list[str], appearance: Appearance) -> None:
-        """Draw the materials' textures; without marks, take the textures off, which cost a third of the time."""
+    def _draw_marks(self, appearance: Appearance) -> None:
         rng = np.random.default_rng(appearance.texture_seed)
-        for name in materials:
-            texture, material = self._model.texture(f"{name}_marks"), self._model.material(name).id
-            has_marks = appearance.texture_strength > 0
-            self._model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB] = texture.id if has_marks else -1
-            if has_marks:
-                marks = surface_marks(rng, TEXTURE_PX, appearance.texture_strength, turned=name != "bin")
-                self._upload(texture, marks)
+        for name in self._materials:
+            marks = surface_marks(rng, TEXTURE_PX, appearance.texture_strength, turned=name != "bin")
+            self._upload(self._model.texture(f"{name}_marks"), marks)
 
     def _upload(self, texture: Any, marks: NDArray[np.uint8]) -> None:
         """Write a grey texture into the model and onto the graphics card."""
         start, channels = int(texture.adr[0]), int(texture.nchannel[0])
         self._model.tex_data[start : start + marks.size * channels] = np.repeat(marks.ravel(), channels)
-        # MuJoCo's renderer has no public way to its context, and textures live there.
+        # MuJoCo's renderer has no public way to its context; the textures live there, if it is the current one.
+        self._renderer._gl_context.make_current()
         mujoco.mjr_uploadTexture(self._model, self._renderer._mjr_context, texture.id)
 
     def rgb(self, data: mujoco.MjData, camera: str | mujoco.MjvCamera) -> NDArray[np.uint8]:
@@ -154,7 +159,7 @@ class CellRenderer:
 
     def visibility(self, data: mujoco.MjData, camera: str) -> Visibility:
         """Compare the pixels of each piece in the whole scene with those of the piece alone."""
-        geoms = [self._model.geom(f"piece_{i}").id for i in range(self._config.pieces)]
+        geoms = [self._model.geom(name).id for name in self._pieces]
         whole = self._segmentation(data, camera, self._option)
         alone_option = mujoco.MjvOption()
         alone_option.geomgroup[:] = 0

@@ -324,7 +324,7 @@ def _add_piece(root: mjcf.RootElement, number: int, part: Part, hulls: list[str]
         inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]))  # fmt: skip
     body.add("geom", name=name, type="mesh", mesh=part.name, material=name, group=VISUAL_GROUP,
              contype=0, conaffinity=0)  # fmt: skip
-    rolling = 0.002 * part.diameter_m  # the lever of rolling resistance, metres
+    rolling = 0.004 * part.diameter_m  # the lever of rolling resistance, metres
     for hull in hulls:
         body.add("geom", name=f"{name}_{hull}", type="mesh", mesh=hull, group=COLLISION_GROUP, condim=6,
                  friction=(0.35, 0.02 * part.diameter_m, rolling), **_CONTACT)  # fmt: skip

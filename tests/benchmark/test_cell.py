@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from benchmark.world.cell import WorkCell
-from benchmark.world.drop import REST_SPEED_M_S, rim_speeds
+from benchmark.world.drop import REST_SPEED_DIAMETERS_S, rim_speeds
 from benchmark.world.parts import get_part, vertices
 from benchmark.world.scene import cell_config
 from benchmark.world.sensor import SENSORS
@@ -83,7 +83,7 @@ def test_what_is_called_settled_stays_where_it_is(cell: WorkCell) -> None:
     before = cell.truth()
     cell.model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     mujoco.mj_step(cell.model, cell.data, 500)
-    assert largest_move_m(before, cell.truth(), 0.0325) < REST_SPEED_M_S * 1.0
+    assert largest_move_m(before, cell.truth(), 0.0325) < REST_SPEED_DIAMETERS_S * 0.065
 
 
 def test_a_falling_piece_is_not_at_rest(cell: WorkCell) -> None:
@@ -93,19 +93,18 @@ def test_a_falling_piece_is_not_at_rest(cell: WorkCell) -> None:
         np.random.default_rng(2), lambda: speeds.append(rim_speeds(cell.model, cell.data, bodies, diameters).item())
     )
     assert max(speeds) > 0.5
-    assert max(speeds[-100:]) < REST_SPEED_M_S
+    assert max(speeds[-100:]) < REST_SPEED_DIAMETERS_S * 0.065
 
 
 def test_a_piece_beside_the_bin_is_recorded_as_such() -> None:
     config = replace(cell_config(("cover2",), pieces=3), bin_size_m=(0.02, 0.02), bin_wall_m=0.002)
     with WorkCell(config, SENSORS["ideal"]) as cell:
         result = cell.drop(np.random.default_rng(0))
-        heights = [float(pose.translation[2]) for pose in cell.truth()]
         assert len(result.in_bin) == 3
         assert not all(result.in_bin)
-        assert all(
-            height < config.bin_centre_m[2] for height, kept in zip(heights, result.in_bin, strict=True) if not kept
-        )
+        lying_low = np.array([pose.translation[2] < config.bin_centre_m[2] for pose in cell.truth()])
+        assert lying_low.any()
+        assert not np.array(result.in_bin)[lying_low].any()
 
 
 def test_arm_arrives_and_leaves_the_pieces_alone(cell: WorkCell, looking: np.ndarray) -> None:
@@ -163,16 +162,16 @@ def test_visible_pixels_are_a_part_of_all_pixels(cell: WorkCell, looking: np.nda
     assert np.array_equal(cell.render(), picture)  # measuring leaves the picture as it was
 
 
-def test_marks_on_surfaces_show_and_go_away_again(cell: WorkCell, looking: np.ndarray) -> None:
+def test_marks_show_on_surfaces_of_the_cell_they_belong_to(cell: WorkCell, looking: np.ndarray) -> None:
     with WorkCell(cell.config, SENSORS["lab"]) as clean:
-        deviations = []
+        roughness = []
         for each in (cell, clean):
             each.drop(np.random.default_rng(4))
             each.move_joints(looking)
             picture = each.render().astype(float).mean(axis=2)
             floor = ~each.visibility().total_masks.any(axis=0)
-            deviations.append(np.abs(np.diff(picture, axis=1))[floor[:, 1:]].mean())
-    assert deviations[0] > 2 * deviations[1]
+            roughness.append(np.median(np.abs(np.diff(picture, axis=1))[floor[:, 1:]]))
+    assert roughness[1] < 0.5 < roughness[0]
 
 
 def test_overview_is_bright_and_leaves_no_trace(cell: WorkCell, looking: np.ndarray) -> None:

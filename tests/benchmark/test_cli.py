@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+import benchmark.localizers
 from benchmark import cli
 from benchmark.commands.progress import Pace, duration
 from benchmark.config import EpisodeConfig
@@ -33,11 +34,12 @@ def fake_episode(config: EpisodeConfig) -> EpisodeRecord:
 
 @pytest.fixture
 def simulator(monkeypatch: pytest.MonkeyPatch) -> types.ModuleType:
-    """Stands in for benchmark.episode, whose real one takes seconds."""
+    """Stands in for the real episode, which takes seconds, and for the taught models."""
+    monkeypatch.setattr("benchmark.localizers.load_model", lambda _: None)
     module = types.ModuleType("benchmark.episode")
     module.run_episode = fake_episode
     monkeypatch.setitem(sys.modules, "benchmark.episode", module)
-    monkeypatch.setattr("benchmark.world.gl.works", lambda backend: True)
+    monkeypatch.setattr("benchmark.world.gl.works", lambda _: True)
     return module
 
 
@@ -86,7 +88,6 @@ def test_run_prints_each_piece(simulator: types.ModuleType, capsys: pytest.Captu
         (["sweep", "--parts", "hat"], "got hat; expected one of hub, cover1, cover2"),
         (["sweep", "--parts", "hub,,cover1"], "got nothing"),
         (["sweep", "--sensor", "moon"], "expected ideal or lab or shopfloor"),
-        (["sweep", "--localizer", "best"], "dual, region, group, oracle"),
         (["sweep", "--preset", "table2"], "expected table1 or smoke"),
         (["sweep", "--scenes", "0"], "at least 1"),
         (["sweep", "--scenes", "many"], "--scenes"),
@@ -104,6 +105,32 @@ def test_bad_arguments_are_one_line_and_exit_code_2(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert message in fails_with_one_line(capsys, *arguments)
+
+
+@pytest.mark.parametrize("localizer", ["best", "nowhere:best", "os:sep"])
+def test_unknown_localizer(
+    tmp_path: Path, localizer: str, simulator: types.ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for command in (["sweep", *SMALL, "--out", str(tmp_path / "out")], ["run"]):
+        assert "localizer" in fails_with_one_line(capsys, *command, "--localizer", localizer)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("content", "message"), [(None, "hub.json"), ("{", "hub.json")])
+def test_missing_or_corrupt_vision_model(
+    tmp_path: Path,
+    content: str | None,
+    message: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("benchmark.world.gl.works", lambda _: True)
+    monkeypatch.setattr("benchmark.localizers.MODELS", tmp_path)
+    benchmark.localizers.load_model.cache_clear()
+    if content is not None:
+        (tmp_path / "hub.json").write_text(content)
+    assert message in fails_with_one_line(capsys, "sweep", *SMALL, "--out", str(tmp_path / "out"))
+    benchmark.localizers.load_model.cache_clear()
 
 
 def test_unwritable_output(tmp_path: Path, simulator: types.ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
@@ -130,7 +157,7 @@ def test_wrong_thresholds_key(
 
 
 def test_missing_gl(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr("benchmark.world.gl.works", lambda backend: False)
+    monkeypatch.setattr("benchmark.world.gl.works", lambda _: False)
     for asked in ("osmesa", ""):
         monkeypatch.setenv("MUJOCO_GL", asked)
         assert "apt-get install" in fails_with_one_line(capsys, "run")
@@ -172,6 +199,8 @@ if __name__ == "__main__":
     module = types.ModuleType("benchmark.episode")
     module.run_episode = slow_episode
     sys.modules["benchmark.episode"] = module
+    import benchmark.localizers
+    benchmark.localizers.load_model = lambda _: None
     from benchmark.cli import main
     sys.exit(main(["sweep", "--scenes", "200", "--parts", "hub", "--workers", sys.argv[2], "--out", sys.argv[1]]))
 """
@@ -222,7 +251,7 @@ def test_overview_lists_every_command(capsys: pytest.CaptureFixture[str]) -> Non
 def test_help_works_where_the_simulator_cannot_be_loaded() -> None:
     code = (
         "import sys\n"
-        "for name in ('mujoco', 'cv2', 'dm_control', 'distributed', 'matplotlib'): sys.modules[name] = None\n"
+        "for name in ('mujoco', 'dm_control', 'distributed', 'rerun'): sys.modules[name] = None\n"
         "from benchmark.cli import main\n"
         "sys.exit(main(['--help']))"
     )
@@ -237,7 +266,7 @@ def test_output_into_a_closed_pipe_is_no_error(tmp_path: Path, simulator: types.
 
 
 def test_doctor_finds_what_is_wrong(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr("benchmark.world.gl.works", lambda backend: False)
+    monkeypatch.setattr("benchmark.world.gl.works", lambda _: False)
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     assert cli.main(["doctor"]) == 1
     assert "problem  OpenGL" in capsys.readouterr().out

@@ -17,13 +17,13 @@ def test_a_display_comes_first_and_software_follows(monkeypatch: pytest.MonkeyPa
 
 def test_the_users_choice_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "osmesa")
-    monkeypatch.setattr(gl, "works", lambda backend: pytest.fail("probed although the user has chosen"))
+    monkeypatch.setattr(gl, "works", lambda _: pytest.fail("probed although the user has chosen"))
     assert gl.choose_backend() == "osmesa"
 
 
 def test_the_first_that_works_is_kept_for_child_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "")
-    monkeypatch.setattr(gl, "candidates", lambda environment: ("broken", "egl"))
+    monkeypatch.setattr(gl, "candidates", lambda _: ("broken", "egl"))
     monkeypatch.setattr(gl, "works", lambda backend: backend == "egl")
     assert gl.choose_backend() == "egl"
     assert gl.os.environ["MUJOCO_GL"] == "egl"
@@ -31,8 +31,8 @@ def test_the_first_that_works_is_kept_for_child_processes(monkeypatch: pytest.Mo
 
 def test_without_any_the_message_names_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "")
-    monkeypatch.setattr(gl, "works", lambda backend: False)
-    with pytest.raises(ResourceError, match="apt-get install .*libegl1 .*libosmesa6"):
+    monkeypatch.setattr(gl, "works", lambda _: False)
+    with pytest.raises(ResourceError, match=r"apt-get install .*libegl1 .*libosmesa6"):
         gl.choose_backend()
 
 

@@ -57,17 +57,17 @@ def test_pieces_are_seen_by_their_mesh_and_touched_by_their_hulls(mixed: tuple[C
 
 def test_wrist_camera_has_the_configured_optics(mixed: tuple[CellConfig, mujoco.MjModel]) -> None:
     config, model = mixed
-    camera = model.camera(CAMERA)
-    assert camera.resolution.tolist() == [640, 480]
-    assert camera.sensorsize == pytest.approx(config.sensor_size_m)
-    assert camera.intrinsic == pytest.approx([0.016, 0.016, 0.0, 0.0])
+    camera = model.camera(CAMERA).id
+    assert model.cam_resolution[camera].tolist() == [640, 480]
+    assert model.cam_sensorsize[camera] == pytest.approx(config.sensor_size_m)
+    assert model.cam_intrinsic[camera] == pytest.approx([0.016, 0.016, 0.0, 0.0])
     assert model.site(FLANGE).id != model.site(TCP).id
 
 
 def test_another_lens_is_a_matter_of_configuration() -> None:
     config = replace(cell_config(("cover1",), pieces=1), focal_length_m=0.012, resolution_px=(320, 240))
     model = build_model(config)
-    assert model.camera(CAMERA).intrinsic[:2] == pytest.approx([0.012, 0.012])
+    assert model.cam_intrinsic[model.camera(CAMERA).id, :2] == pytest.approx([0.012, 0.012])
     assert config.camera.fx == pytest.approx(0.012 / 0.0048 * 320)
 
 

@@ -109,7 +109,7 @@ def test_preset_keeps_what_is_not_changed() -> None:
         ("pieces", 0),
         ("pieces", 2.5),
         ("sensor", "moon"),
-        ("localizer", "nothing"),
+        ("localizer", "two words"),
         ("views", 4),
         ("task", "dance"),
         ("workers", 0),

@@ -25,7 +25,7 @@ def test_points_outside_and_inside() -> None:
 
 def test_points_turn_with_the_tool() -> None:
     bar = Boxes.of((RigidTransform.from_translation([1, 0, 0]), (1.0, 0.1, 0.1)))
-    turns = Rotation.from_euler("z", [0, 90, 180], degrees=True).as_matrix()
+    turns = Rotation.from_euler("z", [[0], [90], [180]], degrees=True).as_matrix()
     got = points_clearance(bar, turns, np.zeros((3, 3)), np.array([[0.0, 1.5, 0.0]]))
     np.testing.assert_allclose(got, [1.4, -0.1, 1.4], atol=1e-12)
 
@@ -47,7 +47,7 @@ def test_edge_against_edge_needs_the_crossed_axes() -> None:
     """Two square bars crossing edge on edge: their 6 face normals all show an overlap."""
     bars = [
         Boxes.of((RigidTransform.from_rotation(turn), (5.0, 0.5, 0.5)))
-        for turn in (Rotation.from_euler("x", 45, degrees=True), Rotation.from_euler("zx", [90, 45], degrees=True))
+        for turn in (Rotation.from_euler("x", 45, degrees=True), Rotation.from_euler("xz", [45, 90], degrees=True))
     ]
     for height in (1.3, 1.5):
         got = boxes_clearance(bars[0], HERE, np.array([[0, 0, height]]), bars[1])

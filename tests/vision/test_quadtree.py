@@ -59,8 +59,8 @@ def test_every_leaf_above_one_pixel_is_homogeneous(gray):
 @pytest.mark.parametrize("shape", [(1, 1), (64, 64), (97, 201), (480, 640)])
 def test_a_constant_image_is_one_region_of_the_largest_possible_leaves(shape):
     gray = np.full(shape, 77, np.uint8)
-    tree = split(gray, no_edges(gray), SplitAndMerge(min_area_px=1))
-    labels = merge(tree, SplitAndMerge(min_area_px=1))
+    tree = split(gray, no_edges(gray), SETTINGS)
+    labels = merge(tree, SETTINGS)
     assert (labels == 1).all()
     assert np.count_nonzero(tree.size == 64) == (shape[0] // 64) * (shape[1] // 64)
 

@@ -1,0 +1,200 @@
+"""One episode: drop, look, localise, judge, pick.  A seed determines it to the last bit on one platform."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform
+
+from benchmark.config import EpisodeConfig
+from benchmark.environment import environment_stamp
+from benchmark.evaluation import TruePiece, Verdict, judge
+from benchmark.localizers import load_model, make_localizer
+from benchmark.picking import Picker, PickOutcome
+from benchmark.records import EpisodeRecord, PickRecord
+from benchmark.world import gl
+from benchmark.world.cell import WorkCell
+from benchmark.world.drop import DropResult, OnStep
+from benchmark.world.parts import get_part
+from benchmark.world.scene import CellConfig, cell_config
+from benchmark.world.sensor import sensor_config
+from robot.viewpoints import reachable_viewpoints
+from vision.camera import View
+from vision.candidates import Workspace
+from vision.localizer import Localization
+
+Array = NDArray[np.float64]
+
+
+class EpisodeObserver:
+    """Is told what happens in an episode; does nothing by itself."""
+
+    def begin(self, cell: WorkCell, config: EpisodeConfig) -> None:
+        """The cell is ready, nothing has been dropped."""
+
+    def step(self) -> None:
+        """The physics took one step."""
+
+    def looked(self, index: int, view: View) -> None:
+        """A picture was taken."""
+
+    def localized(self, localization: Localization, verdict: Verdict) -> None:
+        """The pictures were understood, and held against the truth."""
+
+    def picked(self, outcome: PickOutcome) -> None:
+        """A pick ended."""
+
+
+@dataclass
+class Stopwatch:
+    """Wall time by stage."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the time of a block to a stage."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+@dataclass(frozen=True, eq=False)
+class _Sight:
+    """What was photographed, and the truth about it."""
+
+    views: tuple[View, ...]
+    true_views: tuple[View, ...]
+    visibility: Array
+
+
+def run_episode(config: EpisodeConfig, observer: EpisodeObserver | None = None) -> EpisodeRecord:
+    """Run one episode.
+
+    Args:
+        config: what to run.
+        observer: is told what happens.
+
+    Raises:
+        InputError: an unknown part or localizer.
+        ResourceError: something that the machine lacks.
+    """
+    # Stepping one by one, for an observer's sake, costs more than the physics of a move.
+    on_step = None if observer is None else observer.step
+    observer = observer or EpisodeObserver()
+    watch = Stopwatch()
+    with watch.stage("total"):
+        cell = _cell(cell_config(config.parts, config.pieces), config.sensor)
+        observer.begin(cell, config)
+        drop_rng, sensor_rng = np.random.default_rng(config.seed).spawn(2)
+        with watch.stage("drop"):
+            dropped = cell.drop(drop_rng, on_step)
+        sight = _look(cell, config, sensor_rng, watch, observer, on_step)
+        pieces = _true_pieces(cell, dropped, sight)
+        localizer = make_localizer(
+            config.localizer, [load_model(p) for p in config.parts], lambda: [(p.part, p.T_world_part) for p in pieces]
+        )
+        with watch.stage("vision"):
+            localization = localizer.localize(sight.views, workspace(cell.config))
+        verdict = judge(localization, localizer.name, pieces, sight.true_views)
+        observer.localized(localization, verdict)
+        picks: tuple[PickRecord, ...] = ()
+        if config.task == "pick":
+            with watch.stage("motion"):
+                picks = (_pick(cell, localization, verdict, observer, on_step),)
+    return EpisodeRecord(
+        key=config.key,
+        parts=config.parts,
+        scene=config.scene,
+        seed=config.seed,
+        config_hash=config.config_hash,
+        environment=environment_stamp(gl.renderer_name()),
+        pieces=verdict.pieces,
+        picks=picks,
+        false_positives=verdict.false_positives,
+        timings_s=watch.seconds,
+    )
+
+
+def workspace(config: CellConfig) -> Workspace:
+    """The box in which pieces can lie: the bin, and a part's diameter above its walls."""
+    x, y, z = config.bin_centre_m
+    half_x, half_y = config.bin_size_m[0] / 2, config.bin_size_m[1] / 2
+    top = config.bin_wall_m + max(get_part(name).diameter_m for name in config.part_names)
+    return Workspace((x - half_x, y - half_y, z), (x + half_x, y + half_y, z + top))
+
+
+def _look(
+    cell: WorkCell,
+    config: EpisodeConfig,
+    rng: np.random.Generator,
+    watch: Stopwatch,
+    observer: EpisodeObserver,
+    on_step: OnStep | None,
+) -> _Sight:
+    """Photograph the bin from every viewpoint."""
+    views, true_views, visible = [], [], []
+    for index, (_, q) in enumerate(_viewpoints(cell.config, config.views)):
+        with watch.stage("motion"):
+            cell.move_joints(q, on_step)
+        with watch.stage("render"):
+            view = cell.capture(rng, f"view {index + 1}")
+            visible.append(cell.visibility().fraction)
+        observer.looked(index, view)
+        views.append(view)
+        true_views.append(View(view.image, view.camera, cell.camera_truth(), view.name))
+    return _Sight(tuple(views), tuple(true_views), np.mean(visible, axis=0))
+
+
+def _true_pieces(cell: WorkCell, dropped: DropResult, sight: _Sight) -> list[TruePiece]:
+    return [
+        TruePiece(part, pose, float(seen), inside)
+        for part, pose, seen, inside in zip(
+            cell.config.piece_parts, cell.truth(), sight.visibility, dropped.in_bin, strict=True
+        )
+    ]
+
+
+def _pick(
+    cell: WorkCell,
+    localization: Localization,
+    verdict: Verdict,
+    observer: EpisodeObserver,
+    on_step: OnStep | None,
+) -> PickRecord:
+    if not localization.estimates:
+        return PickRecord(attempted=False, piece=None, succeeded=False)
+    outcome = Picker(cell, on_step).pick(localization.estimates)
+    observer.picked(outcome)
+    owner = None if outcome.estimate is None else verdict.owner[outcome.estimate]
+    return PickRecord(True, owner, outcome.succeeded, outcome.failed_stage, outcome.grasp)
+
+
+_open_cells: dict[tuple[CellConfig, str], WorkCell] = {}
+
+
+def _cell(config: CellConfig, sensor: str) -> WorkCell:
+    """A cell for this configuration; the last one is kept open, for compiling one takes longer than a drop."""
+    key = (config, sensor)
+    if key not in _open_cells:
+        for other in _open_cells.values():
+            other.close()
+        _open_cells.clear()
+        _open_cells[key] = WorkCell(config, sensor_config(sensor))
+    return _open_cells[key]
+
+
+@lru_cache(maxsize=8)
+def _viewpoints(config: CellConfig, count: int) -> list[tuple[RigidTransform, Array]]:
+    """Camera poses and joint angles; they depend on the cell alone."""
+    cell = next(cell for (known, _), cell in _open_cells.items() if known == config)
+    target = np.array(config.bin_centre_m) + [0.0, 0.0, config.bin_wall_m / 3]
+    return reachable_viewpoints(cell.kinematics, cell.T_flange_camera, target, config.camera_distance_m, count)

@@ -1,0 +1,171 @@
+"""Holds a localizer's answer against the truth, piece by piece."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform
+
+from benchmark.localizers import load_model
+from benchmark.metrics import (
+    BARELY_VISIBLE,
+    Assignment,
+    assign,
+    hull_points,
+    is_extracted,
+    match_limit_mm,
+    mssd_mm,
+    pose_errors,
+)
+from benchmark.records import PieceRecord, ProcessResult
+from benchmark.world.parts import get_part, vertices
+from vision.camera import View
+from vision.circle_pose import project_circle
+from vision.ellipse import Ellipse, overlap
+from vision.features import EllipseFeature
+from vision.localizer import Localization
+from vision.pose import PoseEstimate
+
+Array = NDArray[np.float64]
+FACING_COSINE = 0.12  # a circle seen more obliquely than 83 degrees makes no salient ellipse
+
+
+@dataclass(frozen=True, eq=False)
+class TruePiece:
+    """One piece as the simulator knows it.
+
+    Attributes:
+        part: name of its type.
+        T_world_part: its true pose.
+        visibility: visible share of its silhouette, mean over the views.
+        in_bin: False when it bounced out.
+    """
+
+    part: str
+    T_world_part: RigidTransform
+    visibility: float
+    in_bin: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """The truth about a localizer's answer.
+
+    Attributes:
+        pieces: one record for each piece.
+        false_positives: by method, the number of poses that belong to no piece.
+        owner: for each of the localizer's estimates, the piece it belongs to or None.
+    """
+
+    pieces: tuple[PieceRecord, ...]
+    false_positives: dict[str, int]
+    owner: tuple[int | None, ...]
+
+
+def judge(
+    localization: Localization, method: str, pieces: Sequence[TruePiece], true_views: Sequence[View]
+) -> Verdict:
+    """Compare a localization, and what each of its extractors would have said alone, with the truth.
+
+    Args:
+        localization: the answer.
+        method: name of the localizer.
+        pieces: the truth.
+        true_views: the images with the true camera poses, to project the true salient ellipses.
+    """
+    answers = {**localization.by_process, method: localization.estimates}
+    assignments = {name: assign_estimates(estimates, pieces) for name, estimates in answers.items()}
+    records = []
+    for index, piece in enumerate(pieces):
+        ellipses = [_salient_ellipses(piece, view) for view in true_views]
+        results = {
+            name: _result(index, piece, answers[name], assignments[name], _extracted(name, ellipses, localization))
+            for name in answers
+        }
+        stage = _failed_stage(piece, results[method])
+        records.append(PieceRecord(index, piece.part, piece.visibility, piece.in_bin, results, stage))
+    owner = dict(assignments[method].pairs)
+    return Verdict(
+        tuple(records),
+        {name: len(a.false_positives) for name, a in assignments.items()},
+        tuple(owner.get(i) for i in range(len(localization.estimates))),
+    )
+
+
+def assign_estimates(estimates: Sequence[PoseEstimate], pieces: Sequence[TruePiece]) -> Assignment:
+    """Pair estimates with pieces, one to one, below the matching limit."""
+
+    def cost(estimate: PoseEstimate, piece: TruePiece) -> float:
+        if estimate.part != piece.part:
+            return float("inf")
+        return mssd_mm(
+            estimate.T_world_part, piece.T_world_part, get_part(piece.part).symmetry, _hull(piece.part)
+        )
+
+    return assign(estimates, pieces, cost, lambda piece: match_limit_mm(get_part(piece.part).diameter_m))
+
+
+def _result(
+    index: int, piece: TruePiece, estimates: Sequence[PoseEstimate], assignment: Assignment, extracted: bool
+) -> ProcessResult:
+    mine = next((i for i, j in assignment.pairs if j == index), None)
+    if mine is None:
+        return ProcessResult(extracted, matched=False)
+    symmetry = get_part(piece.part).symmetry
+    errors = pose_errors(estimates[mine].T_world_part, piece.T_world_part, symmetry, _hull(piece.part))
+    return ProcessResult(extracted, matched=True, errors=errors)
+
+
+def _extracted(name: str, ellipses: Sequence[Sequence[Ellipse]], localization: Localization) -> bool:
+    """Whether a salient ellipse of the piece was extracted in enough views; never for methods without features."""
+    if not localization.features:
+        return False
+    best = []
+    for expected, found in zip(ellipses, localization.features, strict=True):
+        mine = [f for f in found if name not in ("region", "group") or f.process == name]
+        best.append(max((_best_overlap(e, mine) for e in expected), default=0.0))
+    return is_extracted(best)
+
+
+def _best_overlap(expected: Ellipse, found: Sequence[EllipseFeature]) -> float:
+    """Largest intersection over union with any found ellipse of about the same place and size."""
+    size = expected.semi_axes[0]
+    near = [
+        f.ellipse
+        for f in found
+        if np.hypot(*(f.ellipse.centre - expected.centre)) < 0.3 * size
+        and 0.7 < f.ellipse.semi_axes[0] / size < 1.4
+    ]
+    return max((overlap(expected, e) for e in near), default=0.0)
+
+
+def _salient_ellipses(piece: TruePiece, view: View) -> list[Ellipse]:
+    """Images of the taught salient circles that face the camera, at the piece's true pose."""
+    ellipses = []
+    for feature in load_model(piece.part).salient:
+        circle = feature.circle.moved(piece.T_world_part)
+        towards = view.T_world_camera.translation - circle.centre
+        if circle.normal @ towards > FACING_COSINE * np.linalg.norm(towards):
+            ellipse = project_circle(circle, view)
+            if ellipse is not None:
+                ellipses.append(ellipse)
+    return ellipses
+
+
+def _failed_stage(piece: TruePiece, result: ProcessResult) -> str | None:
+    if not piece.in_bin:
+        return "drop"
+    if result.matched:
+        return None
+    if piece.visibility < BARELY_VISIBLE:
+        return "visibility"
+    return "matching" if result.extracted else "extraction"
+
+
+@cache
+def _hull(part: str) -> Array:
+    return hull_points(vertices(get_part(part)).copy())

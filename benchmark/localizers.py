@@ -1,0 +1,95 @@
+"""Finds the localizer that a run asks for: the paper's, the oracle, or the user's own."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from vision.camera import View
+from vision.candidates import Workspace
+from vision.errors import InputError
+from vision.localizer import EllipseLocalizer, Localization, Localizer
+from vision.pose import PoseEstimate
+from vision.vision_model import VisionModel
+
+MODELS = Path(__file__).resolve().parents[1] / "assets" / "models"
+ENTRY_POINTS = "focalpick.localizers"
+Truth = Callable[[], Sequence[tuple[str, RigidTransform]]]
+
+_BUILT_IN: dict[str, tuple[str, ...]] = {"dual": ("region", "group"), "region": ("region",), "group": ("group",)}
+
+
+@lru_cache
+def load_model(part: str) -> VisionModel:
+    """The taught vision model of a part.
+
+    Raises:
+        InputError: the part was never taught.
+        FileFormatError: the model file is corrupt.
+    """
+    return VisionModel.load(MODELS / f"{part}.json")
+
+
+def make_localizer(name: str, models: Sequence[VisionModel], truth: Truth) -> Localizer:
+    """The localizer of that name.
+
+    Args:
+        name: ``dual``, ``region``, ``group``, ``oracle``, the name of an entry point in the group
+            ``focalpick.localizers``, or ``package.module:factory``. A factory takes the taught models.
+        models: the taught models of the parts in the scene.
+        truth: part name and true pose of every piece; handed to the oracle alone.
+
+    Raises:
+        InputError: there is no such localizer, or what was found is none.
+    """
+    if name == "oracle":
+        return Oracle(truth)
+    if name in _BUILT_IN:
+        return EllipseLocalizer(models, _BUILT_IN[name])  # type: ignore[arg-type]
+    localizer = _factory(name)(models)
+    if not isinstance(localizer, Localizer):
+        raise InputError(
+            f"localizer {name}",
+            got=f"{type(localizer).__name__} object",
+            expected="an object with a name and localize(views, workspace)",
+        )
+    return localizer
+
+
+def _factory(name: str) -> Callable[[Sequence[VisionModel]], object]:
+    module, _, attribute = name.partition(":")
+    if attribute:
+        try:
+            factory = getattr(importlib.import_module(module), attribute)
+        except (ImportError, AttributeError) as error:
+            raise InputError("localizer", got=f"{name} ({error})", expected="package.module:factory") from error
+        return factory  # type: ignore[no-any-return]
+    registered = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
+    if name not in registered:
+        known = ", ".join([*_BUILT_IN, "oracle", *sorted(registered)])
+        raise InputError("localizer", got=name, expected=f"{known}, or package.module:factory")
+    return registered[name].load()  # type: ignore[no-any-return]
+
+
+@dataclass(frozen=True)
+class Oracle:
+    """Knows where everything lies: the upper bound that vision is compared with, and the way to test picking alone."""
+
+    truth: Truth
+    name: str = "oracle"
+
+    def localize(self, views: Sequence[View], workspace: Workspace | None = None) -> Localization:  # noqa: ARG002
+        """The true poses, whatever the views show."""
+        return Localization(
+            tuple(
+                PoseEstimate(part, pose, 1e-12 * np.eye(6), 1.0, "oracle", 0.0, len(views), inplane_known=True)
+                for part, pose in self.truth()
+            )
+        )
