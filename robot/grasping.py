@@ -262,11 +262,10 @@ def _open_width(grasp: TaughtGrasp, gripper: GripperGeometry, settings: GraspSet
 def _copies(T_world_part: RigidTransform, grasp: TaughtGrasp) -> RigidTransform:
     """T_world_tcp of all copies about the part's axis, each also with the gripper turned half round."""
     angles = 2 * np.pi * np.arange(grasp.copies) / grasp.copies
-    around = [RigidTransform.from_rotation(Rotation.from_euler("z", angle)) for angle in angles]
-    flips = [RigidTransform.from_rotation(Rotation.from_euler("z", angle)) for angle in (0.0, np.pi)]
-    return RigidTransform.concatenate(
-        [T_world_part * turn * grasp.T_part_tcp * flip for turn in around for flip in flips]
-    )
+    turns = Rotation.from_rotvec(np.repeat(angles, 2)[:, None] * [0.0, 0.0, 1.0])
+    flips = Rotation.from_rotvec(np.tile([0.0, np.pi], grasp.copies)[:, None] * [0.0, 0.0, 1.0])
+    turned = T_world_part * RigidTransform.from_rotation(turns) * grasp.T_part_tcp
+    return turned * RigidTransform.from_rotation(flips)
 
 
 def _clearances(

@@ -8,8 +8,11 @@ from numba import njit
 _STRETCHES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.16)
 """Parts of a boundary that are tried as arcs of one ellipse."""
 
-_MIN_STRETCH = 10
+_MIN_STRETCH = 8
 """Points of the shortest stretch."""
+
+_LARGEST_SHIFT_PX = 0.3
+"""Beyond this, where an ellipse is as narrow as the blur, shrinking is no longer in proportion to curvature."""
 
 _MIN_TURN_COS = np.cos(np.radians(25.0))
 """Between the normals of a boundary and of its ellipse: a boundary point must run along the ellipse, not cross it."""
@@ -102,6 +105,26 @@ def _geometric(conic):  # type: ignore[no-untyped-def]  # pragma: no cover
     largest = (a + c) / 2 + np.hypot((a - c) / 2, b)
     semi_major, semi_minor = np.sqrt(-at_centre * largest / determinant), np.sqrt(-at_centre / largest)
     return np.array([x, y, semi_major, semi_minor, np.arctan2(-2 * b, c - a) / 2])
+
+
+@njit(cache=True)
+def undo_shrinking(geometric, points, blur_variance):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Edge points (N, 2) of an ellipse (5,) put back to where they were before the image was blurred.
+
+    Blur draws the edge of a disc of radius R inwards by variance / (2 R), bright discs and dark ones alike.
+    """
+    x, y, semi_major, semi_minor, angle = geometric
+    cos, sin = np.cos(angle), np.sin(angle)
+    moved = np.empty_like(points)
+    for i in range(len(points)):
+        along = (cos * (points[i, 0] - x) + sin * (points[i, 1] - y)) / semi_major**2
+        across = (cos * (points[i, 1] - y) - sin * (points[i, 0] - x)) / semi_minor**2
+        # The normal is (along, across), and curvature is (a b)^-2 over the length of the normal cubed.
+        steepness = max(np.hypot(along, across), 1e-12)
+        shift = min(blur_variance / (2 * (semi_major * semi_minor) ** 2 * steepness**3), _LARGEST_SHIFT_PX)
+        moved[i, 0] = points[i, 0] + shift * (cos * along - sin * across) / steepness
+        moved[i, 1] = points[i, 1] + shift * (sin * along + cos * across) / steepness
+    return moved
 
 
 @njit(cache=True)

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from vision.camera import View
 from vision.evidence import EdgeField
-from vision.model_contour import ModelContour
+from vision.model_contour import ModelContour, tally_support
 from vision.pose import Observations
 
 Array = NDArray[np.float64]
@@ -55,55 +55,35 @@ class SceneEdges:
         """
         self.views, self.fields = views, fields
         self._claimed: list[Mask] = [np.zeros(f.distance.shape, bool) for f in fields]
+        self._T_camera_world = [np.linalg.inv(v.T_world_camera.as_matrix()) for v in views]
 
     def evidence(self, T_world_part: Array, contour: ModelContour) -> Evidence:
         """Support of a pose by edges that no other part has claimed."""
-        n_circles = len(contour.circle_weight)
-        total, count = np.zeros((len(self.views), n_circles)), np.zeros((len(self.views), n_circles))
-        for v in range(len(self.views)):
-            projection = contour.project(T_world_part, self.views[v])
-            support, inside = self._support(v, projection.pixels, projection.normals)
-            circle = contour.circle[projection.index]
-            total[v] = np.bincount(circle, support, n_circles)
-            count[v] = np.bincount(circle, inside, n_circles)
+        per_view = [self._support(v, T_world_part, contour) for v in range(len(self.views))]
+        total, count = (np.stack([tally[k] for tally in per_view]) for k in (0, 1))
         # A small hole says as much per pixel as a rim, but a rim is longer: square roots balance the two.
         weight = contour.circle_weight * np.sqrt(count.sum(axis=0))
         mean = total.sum(axis=0) / np.maximum(count.sum(axis=0), 1)
         visible = count.sum(axis=0) > 0
         salient = visible & contour.circle_salient
         supporting = visible & ~contour.circle_salient
-        per_view = total.sum(axis=1) / np.maximum(count.sum(axis=1), 1)
-        views = int(np.count_nonzero(per_view > 0.5 * max(per_view.max(), 0.1)))
+        of_view = total.sum(axis=1) / np.maximum(count.sum(axis=1), 1)
         return Evidence(
             _mean(mean[visible], weight[visible], 0.0),
             _mean(mean[salient], weight[salient], 0.0),
             _mean(mean[supporting], weight[supporting], np.nan),
-            views,
+            int(np.count_nonzero(of_view > 0.5 * max(of_view.max(), 0.1))),
         )
 
     def inplane_support(self, T_world_part: Array, contour: ModelContour, angles: Array) -> Array:
         """Mean support (A,) of the circles that tell the rotation about z, at each of the angles (A,)."""
-        select = ~contour.circle_symmetric[contour.circle]
-        part = ModelContour(
-            contour.points[select],
-            contour.tangents[select],
-            contour.normals[select],
-            contour.circle[select],
-            contour.circle_salient,
-            contour.circle_symmetric,
-            contour.circle_weight,
-        )
+        part = contour.asymmetric()
         out = np.zeros(len(angles))
         for a, angle in enumerate(angles):
             T = turned(T_world_part, angle)
-            total = count = 0.0
-            for v, view in enumerate(self.views):
-                projection = part.project(T, view)
-                weight = part.circle_weight[part.circle[projection.index]]
-                support, inside = self._support(v, projection.pixels, projection.normals)
-                total += float(weight @ support)
-                count += float(weight @ inside)
-            out[a] = total / max(count, 1.0)
+            tallies = [self._support(v, T, part) for v in range(len(self.views))]
+            total, count = (sum(tally[k] for tally in tallies) for k in (0, 1))
+            out[a] = part.circle_weight @ total / max(float(part.circle_weight @ count), 1.0)
         return out
 
     def find_inplane(self, T_world_part: Array, contour: ModelContour, fold: int) -> tuple[Array, bool]:
@@ -117,10 +97,9 @@ class SceneEdges:
         Returns:
             The turned pose, and whether the best angle stands out from the rest.
         """
-        select = ~contour.circle_symmetric[contour.circle]
-        if not select.any():
+        lever = contour.asymmetric().reach_m
+        if lever == 0:
             return T_world_part, False
-        lever = float(np.hypot(contour.points[select, 0], contour.points[select, 1]).max())
         distance = min(np.linalg.norm(v.T_world_camera.translation - T_world_part[:3, 3]) for v in self.views)
         step = INPLANE_STEP_PX / (lever * self.views[0].camera.fx / distance)
         angles = np.arange(0, 2 * np.pi / fold, step)
@@ -154,17 +133,27 @@ class SceneEdges:
         """Mark the edges that a part explains as its own."""
         for v, view in enumerate(self.views):
             projection = contour.project(T_world_part, view)
-            support, _ = self._support(v, projection.pixels, projection.normals)
+            support = self.fields[v].support(projection.pixels, projection.normals, REACH_PX)
+            support[self._is_claimed(v, projection.pixels)] = 0
             height, width = self.fields[v].distance.shape
             for x, y in np.round(projection.pixels[support > CLAIM_SUPPORT]).astype(int):
                 rows = slice(max(y - width_px, 0), min(y + width_px + 1, height))
                 self._claimed[v][rows, max(x - width_px, 0) : min(x + width_px + 1, width)] = True
 
-    def _support(self, v: int, pixels: Array, normals: Array) -> tuple[Array, Array]:
-        """Support, and 1 where a sample lies inside the image; claimed edges give none."""
-        field = self.fields[v]
-        support = np.where(self._is_claimed(v, pixels), 0.0, field.support(pixels, normals, REACH_PX))
-        return support, field.inside(pixels).astype(float)
+    def _support(self, v: int, T_world_part: Array, contour: ModelContour) -> tuple[Array, Array]:
+        """Sum of the support and number of the samples, (C,) each, of the circles that face the camera of view v."""
+        field, camera = self.fields[v], self.views[v].camera
+        total, count = np.zeros(len(contour.circle_weight)), np.zeros(len(contour.circle_weight))
+        tally_support(
+            np.ascontiguousarray(self._T_camera_world[v] @ T_world_part),
+            (camera.fx, camera.fy, camera.cx, camera.cy),
+            (contour.points, contour.tangents, contour.normals, contour.circle),
+            (field.distance, field.direction, self._claimed[v]),
+            REACH_PX,
+            total,
+            count,
+        )
+        return total, count
 
     def _is_claimed(self, v: int, pixels: Array) -> Mask:
         claimed = self._claimed[v]

@@ -54,6 +54,12 @@ class EdgeParameters:
             raise InputError("edge parameters", got=self, expected="hysteresis and gradient_quantile up to 1")
 
 
+    @property
+    def total_smoothing_px(self) -> float:
+        """Standard deviation of the Gaussian together with the Sobel operator (variance 1/2 across its mask)."""
+        return float(np.sqrt(self.smoothing_px**2 + 0.5))
+
+
 @dataclass(frozen=True, eq=False)
 class EdgeMap:
     """Chains of sub-pixel edge points of one image.

@@ -85,6 +85,22 @@ def distances(p: Array, points: Array) -> tuple[Array, Array]:
     return focal_residual(p, points) / slope, slope
 
 
+def unshrink(p: Array, points: Array, smoothing_px: float) -> Array:
+    """Edge points (N, 2) on the ellipse p, moved out to where they would be without smoothing.
+
+    A Gaussian of variance t² draws the edge of a disc of radius r towards its centre by t² / 2r. The radius of
+    curvature of an ellipse where the focal distances are s1 and s2 is (s1 s2)^1.5 / (a b).
+    """
+    d1, d2 = points - p[:2], points - p[2:4]
+    s1, s2 = (np.maximum(np.hypot(d[:, 0], d[:, 1]), 1e-9) for d in (d1, d2))
+    outward = d1 / s1[:, None] + d2 / s2[:, None]
+    outward /= np.maximum(np.hypot(outward[:, 0], outward[:, 1]), 1e-9)[:, None]
+    semi_major = p[4] / 2
+    semi_minor = np.sqrt(max(semi_major**2 - ((p[:2] - p[2:4]) ** 2).sum() / 4, 0.0))
+    shift = smoothing_px**2 / 2 * semi_major * semi_minor / (s1 * s2) ** 1.5
+    return np.asarray(points + np.minimum(shift, 0.5)[:, None] * outward)
+
+
 def fit_ellipse(
     points: Array,
     initial: Array | None = None,

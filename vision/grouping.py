@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vision.edges import EdgeMap, EdgeParameters, as_gray, detect_edges
 from vision.ellipse import Ellipse, overlap
-from vision.ellipse_filter import FilterParameters, FilterResult, distances, fit_ellipse
+from vision.ellipse_filter import FilterParameters, FilterResult, distances, fit_ellipse, unshrink
 from vision.errors import InputError
 from vision.features import EllipseFeature
 from vision.fragments import Fragment, FragmentParameters, FragmentTable, extract_fragments
@@ -185,7 +185,7 @@ def _filter_survivors(
     features: list[EllipseFeature] = []
     scores = quality[:, SCORE]
     for k in np.argsort(-scores, kind="stable"):
-        points = edges.points[numbers[k]]
+        points = unshrink(ps[k], edges.points[numbers[k]], parameters.edges.total_smoothing_px)
         result = _filtered(ps[k], points, parameters)
         if result is None or result.fitting_error_px > parameters.max_error_px:
             continue

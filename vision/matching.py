@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +51,14 @@ class _Candidate:
     matches: NDArray[np.intp]
     process: str
     evidence: Evidence
-    inplane_known: bool
     refinement: Refinement
+    turned: bool = False
+    inplane_known: bool = False
+
+    @property
+    def score(self) -> float:
+        """Before the rotation about the axis is known, only the salient circles count."""
+        return self.evidence.score if self.turned else self.evidence.salient
 
 
 class Matcher:
@@ -102,7 +108,7 @@ class Matcher:
     def _develop(
         self, candidates: Candidates, i: int, features: Features, scene: SceneEdges, contour: ModelContour
     ) -> _Candidate | None:
-        """Refine a candidate on its matched ellipses, match again, and confirm it."""
+        """Refine a candidate on its matched ellipses, match again, and weigh its circles about the axis."""
         T, matches = candidates.pose(i), candidates.matches[i]
         refined: Refinement | None = None
         for _ in range(2):
@@ -113,12 +119,8 @@ class Matcher:
             matches = vote(T[None, :3, 3], T[None, :3, 2], self.views, features, self.circles)[1][0]
         if refined is None or (matches < 0).all():
             return None
-        inplane_known = False
-        if self.model.symmetry_fold is not None:
-            T, inplane_known = scene.find_inplane(T, contour, self.model.symmetry_fold)
         v, m, _ = candidates.seed[i]
-        evidence = scene.evidence(T, contour)
-        return _Candidate(T, matches, features[v][m].process, evidence, inplane_known, refined)
+        return _Candidate(T, matches, features[v][m].process, scene.evidence(T, contour), refined)
 
     def _refine_on_ellipses(self, T: Array, matches: NDArray[np.intp], features: Features) -> Refinement | None:
         def observe(pose: Array, _: int) -> Observations:
@@ -161,21 +163,43 @@ class Matcher:
         """Greedily accept the best supported candidate, let it claim its edges, and weigh the rest again."""
         accepted: list[PoseEstimate] = []
         while pool:
-            pool.sort(key=lambda c: -c.evidence.score)
-            best = pool.pop(0)
-            if best.evidence.score < self.parameters.minimum_score:
+            best = max(pool, key=lambda c: c.score)
+            pool.remove(best)
+            if best.score < self.parameters.minimum_score:
                 break
+            if not best.turned:
+                pool.append(self._turn(best, scene, contour))
+                continue
             final = self._finish(best, scene, contour)
             if final is None:
                 continue
             accepted.append(final)
             T = final.T_world_part.as_matrix()
             scene.claim(T, contour)
-            separation = self.parameters.minimum_separation * self.model.diameter_m
-            rest = [c for c in pool if np.linalg.norm(c.T[:3, 3] - T[:3, 3]) > separation]
-            near = 1.2 * self.model.diameter_m
-            pool = [_weighed(c, scene, contour) if np.linalg.norm(c.T[:3, 3] - T[:3, 3]) < near else c for c in rest]
+            pool = self._left_over(pool, T[:3, 3], scene, contour)
         return accepted
+
+    def _turn(self, candidate: _Candidate, scene: SceneEdges, contour: ModelContour) -> _Candidate:
+        """Settle the rotation about the axis by the supporting features, which then count as well."""
+        fold = self.model.symmetry_fold
+        if fold is None:
+            return replace(candidate, turned=True)
+        T, known = scene.find_inplane(candidate.T, contour, fold)
+        return replace(candidate, T=T, evidence=scene.evidence(T, contour), turned=True, inplane_known=known)
+
+    def _left_over(
+        self, pool: list[_Candidate], origin: Array, scene: SceneEdges, contour: ModelContour
+    ) -> list[_Candidate]:
+        """The candidates that are not the part just found, those near it weighed without the edges it claimed."""
+        left = []
+        for candidate in pool:
+            distance = np.linalg.norm(candidate.T[:3, 3] - origin) / self.model.diameter_m
+            if distance < self.parameters.minimum_separation:
+                continue
+            if distance < 1.2:
+                candidate = replace(candidate, evidence=scene.evidence(candidate.T, contour))
+            left.append(candidate)
+        return left
 
     def _finish(self, candidate: _Candidate, scene: SceneEdges, contour: ModelContour) -> PoseEstimate | None:
         """The final refinement of an accepted candidate."""
@@ -204,13 +228,6 @@ class Matcher:
             views=candidate.evidence.views,
             inplane_known=candidate.inplane_known,
         )
-
-
-def _weighed(candidate: _Candidate, scene: SceneEdges, contour: ModelContour) -> _Candidate:
-    evidence = scene.evidence(candidate.T, contour)
-    return _Candidate(
-        candidate.T, candidate.matches, candidate.process, evidence, candidate.inplane_known, candidate.refinement
-    )
 
 
 def _image_normals(points: Array, tangents: Array, T_camera_part: Array, fx: float, fy: float) -> Array:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from vision.camera import View
@@ -54,6 +56,26 @@ class ModelContour:
     circle_symmetric: NDArray[np.bool_]
     circle_weight: Array
 
+    @cached_property
+    def reach_m(self) -> float:
+        """Largest distance of a sample from the part's axis; 0 without samples."""
+        return float(np.hypot(self.points[:, 0], self.points[:, 1]).max(initial=0.0))
+
+    def asymmetric(self) -> ModelContour:
+        """The circles alone that tell the rotation about z; the numbering of the circles stays."""
+        return self._asymmetric
+
+    @cached_property
+    def _asymmetric(self) -> ModelContour:
+        chosen = ~self.circle_symmetric[self.circle]
+        return replace(
+            self,
+            points=self.points[chosen],
+            tangents=self.tangents[chosen],
+            normals=self.normals[chosen],
+            circle=self.circle[chosen],
+        )
+
     @classmethod
     def of(cls, model: VisionModel, scale_px_per_m: float) -> ModelContour:
         """Sample the circles of a model at an image scale (focal length over distance)."""
@@ -95,3 +117,55 @@ class ModelContour:
         along = np.column_stack([camera.fx * (tx - x / z * tz), camera.fy * (ty - y / z * tz)])
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
         return Projection(index, pixels, np.column_stack([along[:, 1], -along[:, 0]]))
+
+
+@njit(cache=True)
+def tally_support(  # type: ignore[no-untyped-def]
+    T_camera_part, intrinsics, samples, edges, reach_px, total, count
+):  # pragma: no cover - compiled
+    """Add the edge support of each circle's samples to ``total`` and their number to ``count``.
+
+    The same as :meth:`ModelContour.project` followed by :meth:`vision.evidence.EdgeField.support`, in one pass: the
+    innermost loop of matching.
+
+    Args:
+        T_camera_part: (4, 4).
+        intrinsics: fx, fy, cx, cy.
+        samples: points, tangents, normals (S, 3) and circle numbers (S,).
+        edges: distance (H, W), direction (H, W, 2) and claimed (H, W).
+        reach_px: tolerance.
+        total: (C,) added to.
+        count: (C,) added to.
+    """
+    fx, fy, cx, cy = intrinsics
+    points, tangents, normals, circle = samples
+    distance, direction, claimed = edges
+    height, width = distance.shape
+    loosest, tightest = np.cos(np.radians(35.0)), np.cos(np.radians(15.0))
+    R, t = T_camera_part[:3, :3], T_camera_part[:3, 3]
+    for i in range(len(points)):
+        p, n = points[i], normals[i]
+        x = R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2] + t[0]
+        y = R[1, 0] * p[0] + R[1, 1] * p[1] + R[1, 2] * p[2] + t[1]
+        z = R[2, 0] * p[0] + R[2, 1] * p[1] + R[2, 2] * p[2] + t[2]
+        nx = R[0, 0] * n[0] + R[0, 1] * n[1] + R[0, 2] * n[2]
+        ny = R[1, 0] * n[0] + R[1, 1] * n[1] + R[1, 2] * n[2]
+        nz = R[2, 0] * n[0] + R[2, 1] * n[1] + R[2, 2] * n[2]
+        if z < 1e-3 or -(nx * x + ny * y + nz * z) <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
+            continue
+        u, v = int(np.rint(fx * x / z + cx)), int(np.rint(fy * y / z + cy))
+        if u < 2 or v < 2 or u > width - 3 or v > height - 3:
+            continue
+        count[circle[i]] += 1.0
+        near = (reach_px - distance[v, u]) / (reach_px - 1.0)
+        if near <= 0.0 or claimed[v, u]:
+            continue
+        q = tangents[i]
+        tx = R[0, 0] * q[0] + R[0, 1] * q[1] + R[0, 2] * q[2]
+        ty = R[1, 0] * q[0] + R[1, 1] * q[1] + R[1, 2] * q[2]
+        tz = R[2, 0] * q[0] + R[2, 1] * q[1] + R[2, 2] * q[2]
+        du, dv = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
+        length = np.sqrt(du * du + dv * dv)
+        aligned = abs(direction[v, u, 0] * dv - direction[v, u, 1] * du) / max(length, 1e-12)
+        share = (aligned - loosest) / (tightest - loosest)
+        total[circle[i]] += min(near, 1.0) * min(max(share, 0.0), 1.0)

@@ -93,7 +93,7 @@ def _normals(contour, is_hole, spacing):  # type: ignore[no-untyped-def]  # prag
 
 @njit(cache=True)
 def _profiles(start, normal, dx, dy):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """(N, len(_PROFILE)) size of the gradient's component along the normal, by cubic interpolation; 0 at the border."""
+    """(N, len(_PROFILE)) size of the gradient along the normal, by cubic interpolation; 0 at the image border."""
     height, width = dx.shape
     along = np.zeros((len(start), len(_PROFILE)))
     for i in range(len(start)):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.boundary_consensus import agree, best_stretch, explained, part_covered, rms_distance
+from vision.boundary_consensus import agree, best_stretch, explained, part_covered, rms_distance, undo_shrinking
 from vision.ellipse import Array, Ellipse
 from vision.ellipse_fit import fit_ellipse
 from vision.errors import InputError
@@ -28,10 +28,13 @@ __all__ = [
     "segment",
 ]
 
-_SPACING = 2
-"""Contour points per boundary point: errors of points closer than the blur are not independent."""
+_SPACING = 3
+"""Contour points per boundary point: closer together than the blur reaches, their errors would not be independent."""
 
-_MIN_POINTS = 8
+_CAMERA_AND_SOBEL_VARIANCE = 0.9
+"""Blur besides that of edge detection, in px²: Sobel's kernel 0.46, the pixel's area 0.08, a lens of 0.6 px."""
+
+_MIN_POINTS = 7
 """Fewer points are not taken for an ellipse."""
 
 
@@ -103,32 +106,47 @@ def region_ellipses(
     candidates = [c for c in outer + inner if len(c[0]) > shortest]
     slopes = gradient(gray, growing.blur_px)
     boundaries = refine_boundaries([c[:2] for c in candidates], slopes, 32 * growing.edge_low, _SPACING)
+    blur_variance = growing.blur_px**2 + _CAMERA_AND_SOBEL_VARIANCE
     features: list[EllipseFeature] = []
     conics, counts = np.empty((0, 3, 3)), np.empty(0, int)
     for boundary, (_, _, attributes) in zip(boundaries, candidates, strict=True):
         fresh = ~explained(conics, counts, boundary.points, boundary.outwards, fit.tolerance_px)
-        for feature, conic in _boundary_ellipses(boundary.points[fresh], boundary.outwards[fresh], attributes, fit):
+        for feature, conic in _boundary_ellipses(
+            boundary.points[fresh], boundary.outwards[fresh], attributes, fit, blur_variance
+        ):
             features.append(feature)
             conics, counts = np.concatenate([conics, conic[None]]), np.append(counts, len(feature.points))
     return _distinct(sorted(features, key=lambda f: -f.score))
 
 
 def _boundary_ellipses(
-    points: Array, outwards: Array, attributes: RegionAttributes, fit: BoundaryFit
+    points: Array, outwards: Array, attributes: RegionAttributes, fit: BoundaryFit, blur_variance: float
 ) -> Iterator[tuple[EllipseFeature, Array]]:
     """The ellipses on the points of one boundary and their conics, the one that most points agree with first."""
     for _ in range(fit.max_per_boundary):
         if len(points) < _MIN_POINTS:
             return
         rough, on_ellipse = best_stretch(points, outwards, fit.tolerance_px)
-        settled = _settle(rough, on_ellipse, points, outwards, fit)
+        if not _is_promising(rough, on_ellipse, fit):
+            return
+        unshrunk = undo_shrinking(rough, points, blur_variance)
+        settled = _settle(rough, on_ellipse, unshrunk, outwards, fit)
         if settled is None:
             return
         ellipse, conic, on_ellipse = settled
-        feature = _judge(ellipse, conic, points[on_ellipse], attributes, fit)
+        feature = _judge(ellipse, conic, unshrunk[on_ellipse], attributes, fit)
         if feature is not None:
             yield feature, conic
         points, outwards = points[~on_ellipse], outwards[~on_ellipse]
+
+
+def _is_promising(rough: Array, on_ellipse: NDArray[np.bool_], fit: BoundaryFit) -> bool:
+    """Whether an ellipse (5,) and the points that agree with it are nearly good enough to pass."""
+    semi_major, semi_minor = rough[2:4]
+    # Steps along a pixel contour are at most a diagonal long, so that few points cannot cover much.
+    reach = np.count_nonzero(on_ellipse) * _SPACING * np.sqrt(2)
+    long_enough = reach >= fit.min_support * np.pi * (semi_major + semi_minor)
+    return bool(long_enough and semi_minor >= 0.8 * max(fit.min_semi_axis_px, fit.min_axis_ratio * semi_major, 1e-9))
 
 
 def _settle(
@@ -144,14 +162,8 @@ def _settle(
         fit: when a boundary passes for an ellipse.
 
     Returns:
-        The ellipse, its conic and the points on it, or None where too few points agree to pass.
+        The ellipse, its conic and the points on it, or None where they determine none.
     """
-    semi_major, semi_minor = rough[2:4]
-    # Steps along a pixel contour are at most a diagonal long, so that few points cannot cover much.
-    reach = np.count_nonzero(on_ellipse) * _SPACING * np.sqrt(2)
-    too_short = reach < fit.min_support * np.pi * (semi_major + semi_minor)
-    if too_short or semi_minor < 0.8 * max(fit.min_semi_axis_px, fit.min_axis_ratio * semi_major):
-        return None
     ellipse = Ellipse.from_geometric(*rough)
     for _ in range(3):
         fitted = fit_ellipse(points[on_ellipse], fit.sigma_px, initial=ellipse)

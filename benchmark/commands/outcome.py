@@ -12,7 +12,7 @@ from benchmark.report.render import NOTHING
 def outcome_table(record: EpisodeRecord) -> Table:
     """A row for each piece: how visible it is, and what each localizer made of it."""
     methods = list(dict.fromkeys(name for piece in record.pieces for name in piece.results))
-    title = f"Episode {record.key}, seed {record.seed}"
+    title = f"Episode {record.key}  (own seed {record.seed})"
     table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
     for heading in ("Piece", "Part", "Visible", *methods, "Lost at"):
         table.add_column(heading)

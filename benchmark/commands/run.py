@@ -8,6 +8,7 @@ from benchmark.commands.common import (
     Name,
     Number,
     OptionalPath,
+    check_localizer,
     prepare_process,
     print_line,
     results_console,

@@ -29,7 +29,7 @@ def view(
     recordings = _recordings(path)
     if not web and sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise ResourceError("viewer: got no display; expected DISPLAY or WAYLAND_DISPLAY. Add --web for the browser")
-    command = [sys.executable, "-m", "rerun", *(["--web-viewer"] if web else []), *map(str, recordings)]
+    command = [sys.executable, "-m", "rerun_cli", *(["--web-viewer"] if web else []), *map(str, recordings)]
     # The viewer is a wrapper around a native process, which would outlive it: both get a group of their own.
     process = subprocess.Popen(command, start_new_session=True)
     try:

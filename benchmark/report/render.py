@@ -188,7 +188,7 @@ def _rate(rate: Rate) -> str:
 
 
 def _tally(counts: dict[str, int]) -> str:
-    return ", ".join(f"{name} {count}" for name, count in counts.items()) or NOTHING
+    return ", ".join(f"{name} {count}" for name, count in counts.items() if count) or NOTHING
 
 
 def _last_of_each(labels: Sequence[str]) -> frozenset[int]:

@@ -25,10 +25,9 @@ Array = NDArray[np.float64]
 
 ARM_PREFIX = "arm/"
 GRIPPER_PREFIX = "arm/gripper/"
+# Clear of the bin, of falling pieces and of the light.
 PARK_Q = np.radians([100.0, -110.0, 35.0, 0.0, 75.0, 0.0])
-"""Joint angles that keep the arm clear of the bin, of falling pieces and of the light."""
-
-
+PARK_Q.flags.writeable = False
 _ARM_REST_RAD_S = 2e-4
 _SETTLE_STEPS = 10
 _SETTLE_ROUNDS = 25

@@ -211,7 +211,7 @@ def _add_lights(root: mjcf.RootElement, config: CellConfig) -> None:
     MuJoCo spreads the shadow map over `shadowscale` times the spot's cone; narrowing it to the bin's surroundings
     makes 1024 texels enough.
     """
-    reach = 0.8 * float(np.hypot(*config.bin_size_m)) + config.bin_wall_m
+    reach = 0.65 * float(np.hypot(*config.bin_size_m)) + 0.5 * config.bin_wall_m
     root.visual.map.shadowscale = float(np.rad2deg(np.arctan2(reach, config.light_distance_m)) / _LIGHT_CONE_DEG)
     world = root.worldbody
     world.add("light", name=KEY_LIGHT, mode="fixed", directional=False, castshadow=True, cutoff=_LIGHT_CONE_DEG,

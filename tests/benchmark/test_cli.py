@@ -107,7 +107,7 @@ def test_bad_arguments_are_one_line_and_exit_code_2(
     assert message in fails_with_one_line(capsys, *arguments)
 
 
-@pytest.mark.parametrize("localizer", ["best", "nowhere:best", "os:sep"])
+@pytest.mark.parametrize("localizer", ["best", "nowhere:best"])
 def test_unknown_localizer(
     tmp_path: Path, localizer: str, simulator: types.ModuleType, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -279,6 +279,35 @@ def test_doctor_reports_a_check_that_breaks(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr("benchmark.doctor.CHECKS", {"thing": broken})
     (finding,) = examine()
     assert (finding.ok, finding.text) == (False, "RuntimeError: no idea")
+
+
+def test_view_opens_all_recordings_of_a_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    commands = []
+
+    class Viewer:
+        def __init__(self, command: list[str], **_: object) -> None:
+            commands.append(command)
+
+        def wait(self) -> int:
+            return 0
+
+        def poll(self) -> int:
+            return 0
+
+    monkeypatch.setattr("subprocess.Popen", Viewer)
+    (tmp_path / "b.rrd").touch()
+    (tmp_path / "a.rrd").touch()
+    assert cli.main(["view", str(tmp_path), "--web"]) == 0
+    assert commands[0][-3:] == ["--web-viewer", str(tmp_path / "a.rrd"), str(tmp_path / "b.rrd")]
+
+
+def test_view_without_a_display_says_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    (tmp_path / "a.rrd").touch()
+    assert "--web" in fails_with_one_line(capsys, "view", str(tmp_path / "a.rrd"))
 
 
 def test_pace_leaves_the_first_episode_of_each_worker_out() -> None:

@@ -203,7 +203,7 @@ from test_sweep import CONFIG, fake_episode
 from benchmark.sweep import run_sweep
 
 def slow_episode(config):
-    time.sleep(0.3)
+    time.sleep(0.5)
     return fake_episode(config)
 
 if __name__ == "__main__":

@@ -156,6 +156,26 @@ def test_the_outline_of_an_occluder_is_kept_out_of_the_fit(occluder_x):
     assert disc.support < 0.95 < occluder.support
 
 
+@pytest.mark.parametrize("radius", [12.0, 20.0, 70.0])
+def test_blur_does_not_shrink_circles(radius):
+    gray = draw([(150.2, 120.6, radius, radius, 0, 180)])
+    (feature,) = region_ellipses(segment(gray), gray)
+    assert np.abs(np.subtract(feature.ellipse.semi_axes, radius)).max() < 0.03
+
+
+@pytest.mark.parametrize(("noise", "grey"), [(2.0, 110), (2.0, 160), (4.0, 130)])
+def test_errors_on_noisy_images_agree_with_the_covariance(noise, grey):
+    rng, errors = np.random.default_rng(5), []
+    for seed in range(40):
+        truth = Ellipse.from_geometric(*(60 + rng.uniform(-0.5, 0.5, 2)), 40, 32, 0.0)
+        gray = draw([(*truth.geometric, grey)], size=(120, 120), noise=noise, seed=seed)
+        best = region_ellipses(segment(gray), gray)[0].ellipse
+        select = np.array([[0.5, 0, 0.5, 0, 0], [0, 0.5, 0, 0.5, 0], [0, 0, 0, 0, 1]])
+        d = select @ (best.p - truth.p)
+        errors.append(d @ np.linalg.solve(select @ best.covariance @ select.T, d) / 3)
+    assert 0.15 < np.mean(errors) < 2.0
+
+
 def test_boxes_and_streaks_are_not_ellipses():
     gray = np.full((240, 320), 60, np.uint8)
     gray[40:200, 60:260] = 170

@@ -1,0 +1,154 @@
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from benchmark.detector.drawings import draw, fill_ellipse
+from benchmark.detector.evaluate import Tally, judge, match
+from vision import GroupingParameters, detect_edges, detect_ellipses, group_edges, group_ellipses
+from vision.ellipse import Ellipse, overlap
+from vision.errors import InputError
+
+
+def photograph(*painted, size=(480, 640), ground=90.0, noise=2.0, seed=0):
+    """Ellipses painted one over the other, PSF 0.7 px, noise."""
+    canvas = np.full(size, ground)
+    for ellipse, grey in painted:
+        fill_ellipse(canvas, ellipse, grey)
+    rng = np.random.default_rng(seed)
+    noisy = cv2.GaussianBlur(canvas, (0, 0), 0.7) + rng.normal(0, noise, size)
+    return np.clip(np.round(noisy), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("axes", [(100, 60), (80, 80), (40, 35), (200, 150), (20, 20)])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_noisy_ellipse_is_measured_to_hundredths_of_a_pixel(axes, seed):
+    truth = Ellipse.from_geometric(320.3, 239.6, *axes, 0.6)
+    (found,) = detect_ellipses(photograph((truth, 170.0), seed=seed))
+    assert np.abs(found[:2] - truth.centre).max() < 0.05
+    assert np.abs(found[2:4] - axes).max() < 0.1
+
+
+@pytest.mark.parametrize("gap", [4, 6])
+def test_the_two_edges_of_a_chamfer_stay_two_ellipses(gap):
+    outer = Ellipse.from_geometric(320.3, 240.2, 100, 90, 0.3)
+    inner = Ellipse.from_geometric(320.3, 240.2, 100 - gap, 90 - gap, 0.3)
+    found = detect_ellipses(photograph((outer, 150.0), (inner, 200.0)))
+    assert len(found) == 2
+    for truth in (outer, inner):
+        assert min(np.abs(row[2:4] - truth.semi_axes).max() for row in found) < 0.3
+
+
+def test_an_occluded_ellipse_is_put_together_from_its_fragments():
+    truth = Ellipse.from_geometric(300, 240, 120, 90, 0.2)
+    image = photograph((truth, 180.0))
+    cv2.rectangle(image, (280, 0), (330, 479), 40, -1)
+    grouping = group_edges(image)
+    best = max(grouping.features, key=lambda f: overlap(f.ellipse, truth))
+    assert overlap(best.ellipse, truth) > 0.97
+    members = grouping.groups[grouping.features.index(best)]
+    assert len(members) >= 2
+    assert best.process == "group"
+    assert 0.5 < best.support < 0.95
+    assert 0 <= best.score <= 1
+
+
+def test_the_covariance_of_the_centre_is_honest():
+    normalised = []
+    for seed in range(30):
+        truth = Ellipse.from_geometric(160.3 + seed / 31, 120.1, 60, 42, 0.4)
+        (feature,) = group_ellipses(photograph((truth, 160.0), size=(240, 320), seed=seed))
+        to_centre = np.array([[0.5, 0, 0.5, 0, 0], [0, 0.5, 0, 0.5, 0]])
+        error = feature.ellipse.centre - truth.centre
+        normalised.append(error @ np.linalg.solve(to_centre @ feature.ellipse.covariance @ to_centre.T, error))
+    assert 0.7 < np.mean(normalised) < 3.5  # chi-square with 2 degrees of freedom has the mean 2
+
+
+def test_the_size_limits_of_the_vision_model_are_kept():
+    big, small = Ellipse.from_geometric(200, 240, 90, 80, 0.0), Ellipse.from_geometric(500, 240, 30, 25, 0.0)
+    image = photograph((big, 170.0), (small, 170.0))
+    assert len(detect_ellipses(image)) == 2
+    (only,) = detect_ellipses(image, GroupingParameters(size_px=(50, 120)))
+    assert only[2] == pytest.approx(90, abs=0.2)
+
+
+def test_edges_can_be_handed_in():
+    image = photograph((Ellipse.from_geometric(200, 240, 90, 80, 0.0), 170.0))
+    features = group_ellipses(image, edges=detect_edges(image))
+    assert np.array_equal([f.ellipse.geometric for f in features], detect_ellipses(image))
+    with pytest.raises(InputError, match="edge map"):
+        group_ellipses(image[:100], edges=detect_edges(image))
+
+
+def test_straight_clutter_and_noise_have_no_ellipses():
+    image = np.full((300, 400), 80, np.uint8)
+    for k in range(10):
+        cv2.line(image, (20 * k, 5), (390 - 25 * k, 290), 30 + 20 * k, 3, cv2.LINE_AA)
+    assert len(detect_ellipses(image)) == 0
+    noise = np.random.default_rng(0).integers(0, 256, (300, 400)).astype(np.uint8)
+    assert len(detect_ellipses(noise)) == 0
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (0, 7), (1, 1), (2, 2), (1, 500), (3, 3), (64, 64)])
+def test_empty_tiny_and_constant_images_give_an_empty_result(shape):
+    found = detect_ellipses(np.full(shape, 99, np.uint8))
+    assert found.shape == (0, 5)
+    assert found.dtype == np.float64
+
+
+def test_a_large_image_is_no_trouble():
+    truth = Ellipse.from_geometric(1500, 1000, 900, 700, 0.3)
+    (found,) = detect_ellipses(photograph((truth, 170.0), size=(2000, 3000), noise=1.0))
+    assert overlap(Ellipse.from_geometric(*found), truth) > 0.99
+
+
+@settings(max_examples=40, deadline=None)
+@given(arrays(np.uint8, st.tuples(st.integers(0, 40), st.integers(0, 40))))
+def test_any_grey_image_gives_finite_ellipses(image):
+    found = detect_ellipses(image)
+    assert found.shape[1] == 5
+    assert np.isfinite(found).all()
+    assert (found[:, 2] >= found[:, 3]).all()
+    assert (found[:, 3] > 0).all()
+
+
+@settings(max_examples=20, deadline=None)
+@given(arrays(np.float64, st.tuples(st.integers(1, 9), st.integers(1, 9))))
+def test_any_float_image_gives_a_value_or_an_input_error(image):
+    try:
+        assert detect_ellipses(image).shape[1] == 5
+    except InputError as error:
+        assert "expected" in str(error)
+
+
+@pytest.mark.parametrize("size_px", [(0, 5), (9, 3)])
+def test_parameters_are_checked(size_px):
+    with pytest.raises(InputError, match="size_px"):
+        GroupingParameters(size_px=size_px)
+
+
+def test_drawings_are_reproducible_and_their_splits_differ():
+    assert np.array_equal(draw("tune", "occluded", 3).image, draw("tune", "occluded", 3).image)
+    assert draw("tune", "occluded", 3).image.shape != draw("test", "occluded", 3).image.shape
+    with pytest.raises(InputError, match="split"):
+        draw("train", "occluded", 0)
+
+
+def test_matching_is_one_to_one():
+    truth = Ellipse.from_geometric(50, 50, 30, 20, 0.0)
+    near = Ellipse.from_geometric(50.5, 50, 30, 20, 0.0)
+    assert match([near, truth], [truth]) == [(1, 0)]
+    assert match([], [truth]) == []
+
+
+@pytest.mark.slow
+def test_drawn_clutter_is_mastered():
+    tally = Tally()
+    for k in range(6):
+        for category in ("complete", "concentric", "occluded"):
+            drawing = draw("test", category, k)
+            tally += judge(drawing, detect_ellipses(drawing.image), 0.0)
+    assert tally.precision > 0.85
+    assert tally.recall > 0.75
