@@ -240,9 +240,12 @@ def _walk(pixels, free, gx, gy, x, y, sign, max_gap, out, count):  # type: ignor
     """Follow the edge from (x, y) along sign * tangent; append pixel numbers to out, return the new count."""
     width = pixels.shape[1]
     while True:
-        x, y = _next_pixel(pixels, free, gx, gy, x, y, sign, max_gap)
-        if x < 0:
+        nx, ny = _next_pixel(pixels, free, gx, gy, x, y, sign, max_gap)
+        if nx < 0:
             return count
+        if abs(nx - x) == 1 and abs(ny - y) == 1:  # the inner corner of a stair belongs to this step
+            free[y, nx] = free[ny, x] = False
+        x, y = nx, ny
         free[y, x] = False
         out[count] = y * width + x
         count += 1

@@ -159,11 +159,13 @@ def _refine(theta, z, sigma):  # type: ignore[no-untyped-def]  # pragma: no cove
 
 @njit(cache=True)
 def _covariance(theta, z, sigma):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Covariance (5, 5) of the focal parameters, from the weighted normal equations."""
+    """Covariance (5, 5) of the focal parameters, from the normal equations."""
     distances, jacobian = _distances(theta, z)
     weights = _weigh(distances, sigma)
-    normal, _ = _normal_equations(distances, jacobian, weights)
-    variance = max(sigma**2, np.sum(weights * distances**2) / max(len(z) - 5, 1))
+    normal, _ = _normal_equations(distances, jacobian, np.ones(len(z)))
+    # Huber's estimate: mean square influence over the squared share of points that have full influence.
+    full_share = max(np.mean(weights >= 1.0), 0.2)
+    variance = max(sigma**2, np.sum((weights * distances) ** 2) / max(len(z) - 5, 1) / full_share**2)
     covariance = variance * np.linalg.inv(normal)
     # An ellipse that may as well be a circle has focal points anywhere within |h|² = sigma of w: first order fails.
     spread = np.hypot(covariance[2, 2] - covariance[3, 3], 2 * covariance[2, 3])

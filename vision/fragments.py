@@ -19,6 +19,8 @@ from vision.errors import InputError
 
 Array = NDArray[np.float64]
 
+MIN_SIDE_PX = 4.0  # of the polygon
+
 
 @dataclass(frozen=True)
 class FragmentParameters:
@@ -200,6 +202,8 @@ def _divide(points, offsets, tolerance, corner_factor):  # type: ignore[no-untyp
                 continue
             sx, sy = points[k, 0] - points[vertex, 0], points[k, 1] - points[vertex, 1]
             length = np.sqrt(sx * sx + sy * sy)
+            if length < MIN_SIDE_PX and k < last:
+                continue  # a corner that smoothing has rounded into several vertices is still one corner
             if vertex != begin and vertex != first:
                 turn = np.arctan2(px * sy - py * sx, px * sx + py * sy)
                 longer = max(length, p_length)

@@ -34,6 +34,9 @@ _SPACING = 3
 _CAMERA_AND_SOBEL_VARIANCE = 0.9
 """Blur besides that of edge detection, in px²: Sobel's kernel 0.46, the pixel's area 0.08, a lens of 0.6 px."""
 
+_CORRELATION = 0.2
+"""Of the errors of neighbouring boundary points, 3 px apart: noise blurred by 1.2 px, exp(-3² / (4 * 1.2²))."""
+
 _MIN_POINTS = 7
 """Fewer points are not taken for an ellipse."""
 
@@ -187,6 +190,9 @@ def _judge(
     support = circumference_covered(ellipse, points)
     if rms > fit.max_rms_px or support < fit.min_support:
         return None
+    if ellipse.covariance is not None:
+        # Sums over a chain of correlated errors vary more than sums over independent ones, by this factor.
+        ellipse = Ellipse(ellipse.p, ellipse.covariance * (1 + _CORRELATION) / (1 - _CORRELATION))
     score = support / (1 + (rms / fit.max_rms_px) ** 2)
     return EllipseFeature(ellipse, "region", points, support, score, attributes)
 

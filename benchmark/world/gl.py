@@ -70,7 +70,7 @@ def works(backend: str, timeout_s: float = 60.0) -> bool:
 
 
 def renderer_name() -> str:
-    """What draws in the current OpenGL context, for example ``llvmpipe (LLVM 15.0.6, 256 bits)``; empty without one."""
+    """What draws in the current OpenGL context, such as ``llvmpipe (LLVM 15.0.6, 256 bits)``; empty without one."""
     from OpenGL import GL  # needs the platform that MuJoCo's context has settled
 
     name = GL.glGetString(GL.GL_RENDERER)

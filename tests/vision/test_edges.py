@@ -41,8 +41,7 @@ def test_a_straight_edge_is_localised_to_a_twentieth_of_a_pixel(shift):
     columns = np.clip(np.arange(64) - 30.0 - shift + 0.5, 0, 1) * 120 + 40
     edges = detect_edges(np.round(np.tile(columns, (48, 1))).astype(np.uint8))
     assert len(edges) == 1
-    # The grey levels fill the pixels right of 30 + shift - 1/2 + 1/2.
-    assert np.abs(edges.points[:, 0] - (30 + shift - 0.5)).max() < 0.05
+    assert np.abs(edges.points[:, 0] - (30 + shift)).max() < 0.05
 
 
 def test_the_walk_goes_straight_through_a_t_junction():
