@@ -27,6 +27,7 @@ COMMANDS = {
     "run": "benchmark.commands.run:run",
     "view": "benchmark.commands.view:view",
     "sweep": "benchmark.commands.sweep:sweep",
+    "explain": "benchmark.commands.explain:explain",
     "table": "benchmark.commands.table:table",
     "check": "benchmark.commands.check:check",
     "assets build": "benchmark.commands.assets:build",

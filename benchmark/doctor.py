@@ -132,7 +132,7 @@ def check_assets() -> Iterator[Finding]:
 def check_models() -> Iterator[Finding]:
     """Every part's taught vision model loads."""
     from benchmark.world.parts import PART_NAMES
-    from vision.vision_model import VisionModel
+    from vision.model_file import load_model
 
     for name in PART_NAMES:
         path = ROOT / "assets" / "models" / f"{name}.json"
@@ -141,7 +141,7 @@ def check_models() -> Iterator[Finding]:
             yield Finding(f"vision model {name}", False, f"no {path.name}", remedy)
             continue
         try:
-            VisionModel.load(path)
+            load_model(path)
         except FocalpickError as error:
             yield Finding(f"vision model {name}", False, str(error), remedy)
         else:

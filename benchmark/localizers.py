@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from vision import model_file
 from vision.camera import View
 from vision.candidates import Workspace
 from vision.errors import InputError
@@ -34,7 +35,7 @@ def load_model(part: str) -> VisionModel:
         InputError: the part was never taught.
         FileFormatError: the model file is corrupt.
     """
-    return VisionModel.load(MODELS / f"{part}.json")
+    return model_file.load_model(MODELS / f"{part}.json")
 
 
 def make_localizer(name: str, models: Sequence[VisionModel], truth: Truth) -> Localizer:
@@ -64,23 +65,40 @@ def make_localizer(name: str, models: Sequence[VisionModel], truth: Truth) -> Lo
 
 
 def _factory(name: str) -> Callable[[Sequence[VisionModel]], object]:
+    factory = _imported(name) if ":" in name else _registered(name)
+    if not callable(factory):
+        raise InputError(
+            f"localizer {name}", got=f"{type(factory).__name__} object", expected="a function of the taught models"
+        )
+    return factory
+
+
+def _imported(name: str) -> object:
+    """What ``package.module:factory`` names."""
     module, _, attribute = name.partition(":")
-    if attribute:
-        try:
-            factory = getattr(importlib.import_module(module), attribute)
-        except (ImportError, AttributeError) as error:
-            raise InputError("localizer", got=f"{name} ({error})", expected="package.module:factory") from error
-        return factory  # type: ignore[no-any-return]
+    try:
+        return getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:  # ValueError: the module's name is empty
+        raise InputError("localizer", got=f"{name} ({error})", expected="package.module:factory") from error
+
+
+def _registered(name: str) -> object:
+    """What an installed package offers under a name."""
     registered = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
     if name not in registered:
         known = ", ".join([*_BUILT_IN, "oracle", *sorted(registered)])
         raise InputError("localizer", got=name, expected=f"{known}, or package.module:factory")
-    return registered[name].load()  # type: ignore[no-any-return]
+    try:
+        return registered[name].load()
+    except (ImportError, AttributeError) as error:
+        raise InputError(
+            "localizer", got=f"{name} ({error})", expected="one that can be imported", do="Reinstall its package."
+        ) from error
 
 
 @dataclass(frozen=True)
 class Oracle:
-    """Knows where everything lies: the upper bound that vision is compared with, and the way to test picking alone."""
+    """Knows where everything lies: the upper bound for vision, and the way to test picking alone."""
 
     truth: Truth
     name: str = "oracle"

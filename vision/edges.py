@@ -39,10 +39,10 @@ class EdgeParameters:
     """
 
     smoothing_px: float = 1.0
-    gradient_quantile: float = 0.85
+    gradient_quantile: float = 0.8
     min_contrast: float = 2.5
     max_contrast: float = 8.0
-    hysteresis: float = 0.4
+    hysteresis: float = 0.65
     min_length_px: int = 8
     max_gap_px: int = 3
 
@@ -52,7 +52,6 @@ class EdgeParameters:
             raise InputError("edge parameters", got=self, expected="positive numbers, min_contrast <= max_contrast")
         if self.hysteresis > 1 or not 0 <= self.gradient_quantile <= 1:
             raise InputError("edge parameters", got=self, expected="hysteresis and gradient_quantile up to 1")
-
 
     @property
     def total_smoothing_px(self) -> float:
@@ -201,12 +200,12 @@ def _empty(shape: tuple[int, ...]) -> EdgeMap:
 
 
 @njit(cache=True)
-def _next_pixel(pixels, free, gx, gy, x, y, sign, max_gap):  # type: ignore[no-untyped-def]
+def _next_pixel(free, gx, gy, x, y, sign, max_gap):  # type: ignore[no-untyped-def]
     """The free edge pixel that continues the walk from (x, y), or (-1, -1).
 
     The 8 neighbours come first; without one, pixels further ahead along the tangent, for gaps.
     """
-    height, width = pixels.shape
+    height, width = free.shape
     g0x, g0y = float(gx[y, x]), float(gy[y, x])
     norm0 = max(np.sqrt(g0x * g0x + g0y * g0y), 1e-9)
     tx, ty = -sign * g0y / norm0, sign * g0x / norm0
@@ -236,11 +235,15 @@ def _next_pixel(pixels, free, gx, gy, x, y, sign, max_gap):  # type: ignore[no-u
 
 
 @njit(cache=True)
-def _walk(pixels, free, gx, gy, x, y, sign, max_gap, out, count):  # type: ignore[no-untyped-def]
-    """Follow the edge from (x, y) along sign * tangent; append pixel numbers to out, return the new count."""
-    width = pixels.shape[1]
+def _walk(free, gx, gy, x, y, sign, max_gap, out, count, begin):  # type: ignore[no-untyped-def]
+    """Follow the edge from (x, y) along sign * tangent; append pixel numbers to out, return the new count.
+
+    The chain so far lies in out[begin:count].
+    """
+    width = free.shape[1]
     while True:
-        nx, ny = _next_pixel(pixels, free, gx, gy, x, y, sign, max_gap)
+        # Only what has some length may reach across a gap; specks of texture may not.
+        nx, ny = _next_pixel(free, gx, gy, x, y, sign, max_gap if count - begin >= 4 else 0)
         if nx < 0:
             return count
         if abs(nx - x) == 1 and abs(ny - y) == 1:  # the inner corner of a stair belongs to this step
@@ -256,24 +259,25 @@ def _link(pixels, gx, gy, min_length, max_gap):  # type: ignore[no-untyped-def]
     """Link edge pixels into chains: pixel numbers in walking order, chain offsets, closed flags."""
     height, width = pixels.shape
     free = pixels > 0
-    total = free.sum()
+    starts = np.flatnonzero(free)
+    total = len(starts)
     order = np.empty(total, np.int64)
     buffer = np.empty(total, np.int64)
     offsets = [0]
     closed = [False]
     n = 0
-    for start in range(height * width):
+    for start in starts:
         y, x = start // width, start % width
         if not free[y, x]:
             continue
         free[y, x] = False
-        backward = _walk(pixels, free, gx, gy, x, y, -1.0, max_gap, buffer, 0)
+        backward = _walk(free, gx, gy, x, y, -1.0, max_gap, buffer, 0, 0)
         first = n
         for k in range(backward):
             order[n + k] = buffer[backward - 1 - k]
         n += backward
         order[n] = start
-        n = _walk(pixels, free, gx, gy, x, y, 1.0, max_gap, order, n + 1)
+        n = _walk(free, gx, gy, x, y, 1.0, max_gap, order, n + 1, first)
         if n - first < min_length:
             n = first
             continue

@@ -145,7 +145,7 @@ def fit_ellipse(
             break
     offset, _slope = distances(p, points[inliers])
     # 5 degrees of freedom were spent on p.
-    deviation = max(np.sqrt(offset @ offset / max(len(offset) - 5, 1)), parameters.noise_floor_px)
+    deviation = max(float(np.sqrt(offset @ offset / max(len(offset) - 5, 1))), parameters.noise_floor_px)
     inflation = max(1.0, parameters.correlation_px / spacing_px)
     _, covariance = _update(prior, p, prior_px, points[inliers], deviation * np.sqrt(inflation))
     return FilterResult(Ellipse(p, covariance), float(np.abs(offset).mean()), inliers)

@@ -50,12 +50,12 @@ class GroupingParameters:
     tolerance_px: float = 1.5
     max_direction_error_rad: float = 0.4
     max_pair_error_px: float = 1.2
-    min_share: float = 0.15
+    min_share: float = 0.08
     max_error_px: float = 0.9
     min_coverage: float = 0.4
-    min_score: float = 0.4
+    min_score: float = 0.35
     min_overlap: float = 0.9
-    max_hypotheses: int = 4000
+    max_hypotheses: int = 1200
 
     def __post_init__(self) -> None:
         if self.size_px is not None and not 0 < self.size_px[0] <= self.size_px[1]:

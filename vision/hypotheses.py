@@ -29,11 +29,13 @@ class PairConstraints:
         max_extent_px: size: the two fragments together must not reach further than this.
         convexity_slack_px: convexity: how far a point of one fragment may lie on the wrong side of the other.
         grey_tolerance: grey-level similarity: largest difference of the mean grey levels, inside or outside.
+        max_fragments: only so many of the longest fragments are paired, which bounds the time in texture.
     """
 
     max_extent_px: float = np.inf
     convexity_slack_px: float = 2.0
     grey_tolerance: float = 20.0
+    max_fragments: int = 800
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +63,10 @@ def representatives(table: FragmentTable, edges: EdgeMap) -> Representatives:
 
 def pair_fragments(table: FragmentTable, constraints: PairConstraints) -> NDArray[np.int64]:
     """(P, 2) numbers of the pairs of fragments that violate none of the three constraints."""
+    longest = np.argsort(-table.length_px, kind="stable")[: constraints.max_fragments]
     return np.asarray(
         _pairs(
+            np.sort(longest),
             table.endpoints,
             table.normals,
             table.centre_of_mass,
@@ -96,7 +100,8 @@ def fit_hypotheses(
     Returns:
         Which groups have an ellipse, (G,), and the focal parameters p of all, (G, 5).
     """
-    return _fit_all(groups, points.points, points.normals, length_px, max_error_px, min_share, size_px[0], size_px[1])  # type: ignore[no-any-return]
+    fine, ps = _fit_all(groups, points.points, points.normals, length_px, max_error_px, min_share, *size_px)
+    return fine, ps
 
 
 @njit(cache=True)
@@ -138,11 +143,12 @@ def _similar(grey, brighter, i, j, tolerance):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _pairs(endpoints, normals, centre, brighter, grey, max_extent, slack, tolerance):  # type: ignore[no-untyped-def]
-    n = len(centre)
+def _pairs(numbers, endpoints, normals, centre, brighter, grey, max_extent, slack, tolerance):  # type: ignore[no-untyped-def]
     found = [(0, 0)]
-    for i in range(n):
-        for j in range(i + 1, n):
+    for i in numbers:
+        for j in numbers:
+            if j <= i:
+                continue
             if (
                 _similar(grey, brighter, i, j, tolerance)
                 and _convex(endpoints, normals, centre, i, j, slack)

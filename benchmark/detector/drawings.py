@@ -74,7 +74,7 @@ def draw(split: str, category: str, number: int) -> Drawing:
 def _bend(rng: np.random.Generator, canvas: Array, ellipses: list[Ellipse]) -> tuple[Array, list[Ellipse]]:
     """Displace everything smoothly by up to a few pixels, because no real outline is a perfect ellipse."""
     height, width = canvas.shape
-    scale, strength = float(rng.uniform(15, 60)), rng.uniform(0.2, 1.2)
+    scale, strength = float(rng.uniform(10, 50)), rng.uniform(0.3, 2.0)
     fields = [cv2.GaussianBlur(rng.normal(size=canvas.shape), (0, 0), scale) for _ in range(2)]
     dx, dy = (strength * field / field.std() for field in fields)
     xs, ys = np.meshgrid(np.arange(width), np.arange(height))
@@ -115,7 +115,7 @@ def fill_ellipse(canvas: Array, ellipse: Ellipse, grey: float | Array) -> None:
     distance = ellipse.distance(np.column_stack([xs.ravel(), ys.ravel()])).reshape(xs.shape)
     cover = np.clip(0.5 - distance, 0, 1)
     patch = canvas[y0:y1, x0:x1]
-    paint = grey if np.isscalar(grey) else np.asarray(grey)[y0:y1, x0:x1]
+    paint = grey[y0:y1, x0:x1] if isinstance(grey, np.ndarray) else grey
     patch += cover * (paint - patch)
 
 

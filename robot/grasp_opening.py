@@ -1,0 +1,72 @@
+"""How wide to open for a grasp, so that the fingers pass the part that they are about to hold.
+
+All of it happens in the part's frame, so it is the same wherever the part lies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from robot.clearance import points_clearance, swept_back
+from robot.grasps import OpenedGrasp, TaughtGrasp
+from robot.gripper_geometry import GripperGeometry
+
+Array = NDArray[np.float64]
+
+MARGINS_M = (0.0006, 0.001, 0.0015, 0.0025, 0.004)
+LEAST_CLEARANCE_M = 0.0004
+_MOST_CLEARANCE_M = 0.01
+
+
+def opened_grasps(
+    gripper: GripperGeometry, grasps: Sequence[TaughtGrasp], points_part: ArrayLike, approach_m: float
+) -> tuple[OpenedGrasp, ...]:
+    """The grasps that the gripper can reach past the part itself, each with every opening worth trying.
+
+    A wider opening is worth trying only if it leaves more room: beside a wall or inside a cup it may leave less.
+
+    Args:
+        gripper: its shape.
+        grasps: as taught.
+        points_part: (N, 3) points on the part's surface in m, closer together than the clearances that matter.
+        approach_m: length of the straight approach.
+
+    Returns:
+        In the order of the grasps, the narrowest opening first; grasps that never clear the part are left out.
+    """
+    points = np.asarray(points_part, dtype=float)
+    return tuple(opened for grasp in grasps for opened in _openings(gripper, grasp, points, approach_m))
+
+
+def copies_in_part(grasp: TaughtGrasp) -> RigidTransform:
+    """T_part_tcp of all copies about the part's axis, each also with the gripper turned half round: a stack."""
+    angles = 2 * np.pi * np.arange(grasp.copies) / grasp.copies
+    turns = Rotation.from_rotvec(np.repeat(angles, 2)[:, None] * [0.0, 0.0, 1.0])
+    flips = Rotation.from_rotvec(np.tile([0.0, np.pi], grasp.copies)[:, None] * [0.0, 0.0, 1.0])
+    turned = RigidTransform.from_rotation(turns) * grasp.T_part_tcp
+    return turned * RigidTransform.from_rotation(flips)
+
+
+def _openings(
+    gripper: GripperGeometry, grasp: TaughtGrasp, points: Array, approach_m: float
+) -> list[OpenedGrasp]:
+    inside = grasp.kind == "inside"
+    closed = grasp.width_m - 2 * gripper.finger_thickness_m * inside
+    poses = copies_in_part(grasp)
+    rotations, translations = poses.rotation.as_matrix(), np.asarray(poses.translation)
+    found: list[OpenedGrasp] = []
+    most = LEAST_CLEARANCE_M
+    for margin in MARGINS_M:
+        width = closed - 2 * margin if inside else closed + 2 * margin
+        if not 0 <= width <= gripper.max_width_m:
+            continue
+        tool = swept_back(gripper.boxes(width), approach_m)
+        clearance = float(points_clearance(tool, rotations, translations, points, _MOST_CLEARANCE_M).min())
+        if clearance > most:
+            found.append(OpenedGrasp(grasp, width, closed, clearance))
+            most = 1.1 * clearance
+    return found

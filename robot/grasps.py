@@ -1,0 +1,180 @@
+"""Values of grasp planning: what was taught, what lies there, what is good, and the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform
+
+from robot.trajectory import Trajectory
+from vision.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class TaughtGrasp:
+    """Where to hold a part.
+
+    Attributes:
+        name: a label for people.
+        T_part_tcp: the tool centre point on the part (z approach, x opening direction).
+        width_m: size of what is gripped, along x: outer size for an outside grip, bore for an inside grip.
+        kind: close on the outside or open on the inside.
+        copies: how many equally spaced rotations about the part's z axis are equally good.
+    """
+
+    name: str
+    T_part_tcp: RigidTransform
+    width_m: float
+    kind: Literal["outside", "inside"]
+    copies: int = 1
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("outside", "inside"):
+            raise InputError(f"kind of grasp {self.name}", got=self.kind, expected="outside or inside")
+        if not self.width_m > 0 or self.copies < 1:
+            raise InputError(
+                f"grasp {self.name}", got=f"width {self.width_m} m, {self.copies} copies", expected="both above zero"
+            )
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Rebuild through the constructor, which checks the values."""
+        return (TaughtGrasp, (self.name, self.T_part_tcp, self.width_m, self.kind, self.copies))
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedGrasp:
+    """A taught grasp with a gap between the fingers that lets them pass the part on the way to it.
+
+    Attributes:
+        grasp: the taught grasp.
+        open_width_m: the fingers' gap on the way.
+        closed_width_m: the fingers' gap when they touch.
+        clearance_m: distance of the gripper from the part itself over the approach: the error it forgives.
+    """
+
+    grasp: TaughtGrasp
+    open_width_m: float
+    closed_width_m: float
+    clearance_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A localised piece: a thing to take, and an obstacle while others are taken.
+
+    Attributes:
+        T_world_part: where it lies.
+        grasps: how it may be held; none for a mere obstacle.
+        points_part: (M, 3) points on its surface in m, dense enough for no finger (4 x 10 mm) to slip between.
+        confidence: how sure its pose is, 0 to 1.
+    """
+
+    T_world_part: RigidTransform
+    grasps: tuple[OpenedGrasp, ...]
+    points_part: Array
+    confidence: float = 1.0
+
+    def __post_init__(self) -> None:
+        points = np.array(self.points_part, dtype=float).reshape(-1, 3)
+        points.flags.writeable = False
+        object.__setattr__(self, "points_part", points)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Run the constructor again after unpickling, so that the array stays read-only."""
+        return (Piece, (self.T_world_part, self.grasps, self.points_part, self.confidence))
+
+    @property
+    def points_world(self) -> Array:
+        """(M, 3) the surface points in the world."""
+        matrix = self.T_world_part.as_matrix()
+        return np.asarray(self.points_part @ matrix[:3, :3].T + matrix[:3, 3])
+
+
+@dataclass(frozen=True)
+class GraspSettings:
+    """What counts as a good grasp.
+
+    Attributes:
+        approach_m: length of the straight approach along the tool's axis.
+        lift_m: height of the straight lift along the world's z axis.
+        min_clearance_m: smallest distance from everything but the piece itself.
+        good_clearance_m: more distance than this is worth nothing.
+        good_opening_m: more distance from the piece itself than this is worth nothing.
+        max_tilt_rad: largest angle between the approach and straight down.
+        max_covered: largest share of the piece that other pieces may lie upon.
+        max_tries: how many of the best collision-free grasps are tried for reach.
+        approach_speed: of the arm's limits, for the straight approach.
+        lift_speed: of the arm's limits, for the straight lift.
+    """
+
+    approach_m: float = 0.10
+    lift_m: float = 0.15
+    min_clearance_m: float = 0.0015
+    good_clearance_m: float = 0.015
+    good_opening_m: float = 0.003
+    max_tilt_rad: float = float(np.radians(45))
+    max_covered: float = 0.25
+    max_tries: int = 30
+    approach_speed: float = 0.5
+    lift_speed: float = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class GraspPlan:
+    """A grasp that can be carried out.
+
+    Attributes:
+        piece: index of the piece to take.
+        grasp: which of its grasps, and how wide to open for it.
+        T_world_tcp: the tool centre point when gripping.
+        T_world_pregrasp: where the straight approach starts.
+        T_world_lift: where the straight lift ends.
+        approach: from the pre-grasp to the grasp; its first row is the joint position to move to.
+        lift: from the grasp to the lift.
+        clearance_m: distance from everything but the piece over the approach, cut at the good clearance.
+        tilt_rad: angle of the approach from straight down.
+    """
+
+    piece: int
+    grasp: OpenedGrasp
+    T_world_tcp: RigidTransform
+    T_world_pregrasp: RigidTransform
+    T_world_lift: RigidTransform
+    approach: Trajectory
+    lift: Trajectory
+    clearance_m: float
+    tilt_rad: float
+
+    @property
+    def taught(self) -> TaughtGrasp:
+        """The grasp as it was taught."""
+        return self.grasp.grasp
+
+    @property
+    def q_pregrasp(self) -> Array:
+        """(6,) joint angles at the pre-grasp in rad."""
+        return np.array(self.approach.q[0])
+
+    @property
+    def q_grasp(self) -> Array:
+        """(6,) joint angles at the grasp in rad."""
+        return np.array(self.approach.q[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class GraspChoice:
+    """The outcome of planning.
+
+    Attributes:
+        plan: the best grasp, or None where there is none.
+        rejected: how many candidates fell for which reason.
+    """
+
+    plan: GraspPlan | None
+    rejected: Mapping[str, int] = field(default_factory=dict)
