@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
+from trimesh import load_mesh
+from trimesh.sample import sample_surface_even
 
 from benchmark.localizers import load_model
 from benchmark.world.cell import GRIPPER_PREFIX, WorkCell
@@ -19,10 +22,12 @@ from benchmark.world.drop import OnStep
 from benchmark.world.parts import get_part, vertices
 from benchmark.world.scene import CellConfig
 from robot.errors import UnreachableError
-from robot.grasping import GraspPlan, GraspSettings, Piece, TaughtGrasp, plan_grasp
+from robot.grasp_opening import opened_grasps
+from robot.grasping import plan_grasp
+from robot.grasps import GraspChoice, GraspPlan, GraspSettings, OpenedGrasp, Piece, TaughtGrasp
 from robot.gripper import Gripper
 from robot.gripper_geometry import Boxes, GripperGeometry
-from robot.trajectory import cartesian_line, joint_trajectory
+from robot.trajectory import Trajectory, cartesian_line, joint_trajectory
 from vision.pose import PoseEstimate
 
 Array = NDArray[np.float64]
@@ -30,11 +35,15 @@ Array = NDArray[np.float64]
 WALL_THICKNESS_M = 0.01
 GRIP_FORCE_PER_WEIGHT = 12.0  # friction 0.8 on two fingers, and accelerations
 LEAST_GRIP_FORCE_N = 6.0
-GRIP_TIMEOUT_S = 0.8
-RELEASE_S = 0.5
-LOADED_SPEED = 0.5  # of the arm's limits, so that heavy pieces do not swing
-RELEASE_HEIGHT_M = 0.008
-SURFACE_POINTS = 1500
+GRIP_TIMEOUT_S = 1.2
+GRIP_SETTLE_S = 0.05
+RELEASE_S = 0.4
+LOADED_SPEED = 0.4  # of the arm's limits, so that pieces do not swing or slip
+RELEASE_HEIGHT_M = 0.004
+RETREAT_M = 0.06
+SURFACE_SPACING_M = 0.004
+FEWEST_SURFACE_POINTS = 2500
+SURE_POSITION_M = 0.0005  # a pose known this well leaves nothing to wish for
 
 
 @dataclass(frozen=True)
@@ -56,6 +65,13 @@ class PickOutcome:
     body: int | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class _Placing:
+    carry: Trajectory
+    lower: Trajectory
+    retreat: Trajectory
+
+
 class Picker:
     """Plans and carries out picks in one cell."""
 
@@ -72,65 +88,63 @@ class Picker:
 
     def pick(self, estimates: tuple[PoseEstimate, ...]) -> PickOutcome:
         """Choose a piece and a grasp, take it and place it."""
-        plan = self.plan(estimates)
+        plan = self.plan(estimates).plan
         if plan is None:
             return PickOutcome(None, False, "plan", None)
         stage, body = self._carry_out(plan, estimates[plan.piece].part)
-        return PickOutcome(plan.piece, stage is None, stage, plan.grasp.name, body)
+        return PickOutcome(plan.piece, stage is None, stage, plan.taught.name, body)
 
-    def plan(self, estimates: tuple[PoseEstimate, ...]) -> GraspPlan | None:
-        """The best collision-free reachable grasp of any localised piece."""
+    def plan(self, estimates: tuple[PoseEstimate, ...]) -> GraspChoice:
+        """The best collision-free grasp of any localised piece that the arm can reach and bring to the tray."""
         config = self._cell.config
-        pieces = [Piece(e.T_world_part, _taught_grasps(e.part), surface_points(e.part)) for e in estimates]
         largest = max(get_part(name).diameter_m for name in config.part_names)
-        settings = GraspSettings(
-            approach_m=config.bin_wall_m + 0.03,
-            lift_m=config.bin_wall_m + 0.6 * largest,
-        )
-        choice = plan_grasp(
+        settings = GraspSettings(approach_m=config.bin_wall_m + 0.03, lift_m=config.bin_wall_m + 0.6 * largest)
+        pieces = [
+            Piece(
+                e.T_world_part,
+                _opened_grasps(e.part, config.gripper_xml, settings.approach_m),
+                surface_points(e.part),
+                _confidence(e),
+            )
+            for e in estimates
+        ]
+        return plan_grasp(
             self._cell.kinematics,
             self._geometry,
             pieces,
             bin_boxes(config),
             self._cell.arm.joint_positions,
             settings,
+            lambda plan: self._placing(plan, estimates[plan.piece].part) is not None,
         )
-        return choice.plan
 
     def _carry_out(self, plan: GraspPlan, part: str) -> tuple[str | None, int | None]:
         """Move; returns the stage that failed, None on success, and the piece that was held."""
         cell = self._cell
-        try:
-            self._gripper.open_to(plan.open_width_m)
-            cell.move_joints(plan.q_pregrasp, self._on_step)
-            cell.follow(plan.approach, self._on_step)
-        except UnreachableError:
-            return "approach", None
+        self._gripper.open_to(plan.grasp.open_width_m)
+        cell.move_joints(plan.q_pregrasp, self._on_step)
+        cell.follow(plan.approach, self._on_step)
         if self._grip(plan, part) is None:
             return "grip", None
         cell.follow(plan.lift, self._on_step)
         body = self._held()
         if body is None:
             return "lift", None
-        try:
-            self._place(plan, part)
-        except UnreachableError:
-            return "place", body
+        self._place(plan, part)
         return (None if self._in_tray(body) else "place"), body
 
     def _grip(self, plan: GraspPlan, part: str) -> int | None:
         weight = get_part(part).mass_kg * 9.81
         force = float(np.clip(GRIP_FORCE_PER_WEIGHT * weight, LEAST_GRIP_FORCE_N, self._gripper.max_force_n))
-        if plan.grasp.kind == "inside":
+        if plan.taught.kind == "inside":
             self._gripper.expand_with(force)
         else:
             self._gripper.close_with(force)
-        steps = round(GRIP_TIMEOUT_S / self._cell.model.opt.timestep / 10)
-        for _ in range(steps):
+        for _ in range(self._steps(GRIP_TIMEOUT_S) // 10):
             self._cell.step(10, self._on_step)
-            if self._gripper.at_rest and (held := self._held()) is not None:
-                self._cell.step(25, self._on_step)
-                return held
+            if self._gripper.at_rest and self._held() is not None:
+                break
+        self._cell.step(self._steps(GRIP_SETTLE_S), self._on_step)
         return self._held()
 
     def _held(self) -> int | None:
@@ -141,37 +155,51 @@ class Picker:
         return None
 
     def _place(self, plan: GraspPlan, part: str) -> None:
-        """Carry the piece over the tray, lower it and let go."""
-        cell, tcp = self._cell, self._geometry.T_flange_tcp
-        part_drop = _height_below_tcp(plan, part)
-        above = self._tray_pose(plan)
-        q_above = cell.kinematics.inverse(above * tcp.inv(), cell.arm.joint_positions)
-        limits = cell.arm.limits.scaled(LOADED_SPEED)
-        cell.follow(joint_trajectory(cell.arm.joint_positions, q_above, limits), self._on_step)
-        drop = above.translation[2] - part_drop - cell.config.tray_centre_m[2] - RELEASE_HEIGHT_M
-        lowered = RigidTransform.from_translation([0.0, 0.0, -max(drop, 0.0)]) * above
-        down = cartesian_line(cell.kinematics, above, lowered, q_above, T_flange_tool=tcp)
-        cell.follow(down, self._on_step)
-        self._gripper.open_to(plan.open_width_m)
-        cell.step(round(RELEASE_S / cell.model.opt.timestep), self._on_step)
-        retreat = lowered * RigidTransform.from_translation([0.0, 0.0, -0.06])
-        cell.follow(
-            cartesian_line(cell.kinematics, lowered, retreat, down.q[-1], T_flange_tool=tcp), self._on_step
-        )
-        cell.step(round(RELEASE_S / cell.model.opt.timestep), self._on_step)
+        """Carry the piece over the tray, lower it, let go, and draw back."""
+        motions = self._placing(plan, part)
+        if motions is None:
+            return
+        for trajectory in (motions.carry, motions.lower):
+            self._cell.follow(trajectory, self._on_step)
+        self._gripper.open_to(plan.grasp.open_width_m)
+        self._cell.step(self._steps(RELEASE_S), self._on_step)
+        self._cell.follow(motions.retreat, self._on_step)
+        self._cell.step(self._steps(RELEASE_S), self._on_step)
 
-    def _tray_pose(self, plan: GraspPlan) -> RigidTransform:
-        """The lifted tool turned about the arm's column until it is over the tray: the wrist need not turn."""
-        start, goal = plan.T_world_lift.translation, np.array(self._cell.config.tray_centre_m)
-        turn = np.arctan2(goal[1], goal[0]) - np.arctan2(start[1], start[0])
-        rotation = Rotation.from_euler("z", turn) * plan.T_world_lift.rotation
-        return RigidTransform.from_components([goal[0], goal[1], start[2]], rotation)
+    def _placing(self, plan: GraspPlan, part: str) -> _Placing | None:
+        """The motions from the end of the lift to the empty hand over the tray; None where the arm cannot do them.
+
+        The lifted tool turns about the arm's column until it is over the tray, so that the wrist need not turn.
+        """
+        cell, tcp = self._cell, self._geometry.T_flange_tcp
+        start, goal = plan.T_world_lift.translation, np.array(cell.config.tray_centre_m)
+        turn = float(np.arctan2(goal[1], goal[0]) - np.arctan2(start[1], start[0]))
+        above = RigidTransform.from_components(
+            [goal[0], goal[1], start[2]], Rotation.from_euler("z", turn) * plan.T_world_lift.rotation
+        )
+        bottom = above.translation[2] - _height_below_tcp(plan, part)
+        drop = max(bottom - goal[2] - RELEASE_HEIGHT_M, 0.0)
+        lowered = RigidTransform.from_translation([0.0, 0.0, -drop]) * above
+        retreated = lowered * RigidTransform.from_translation([0.0, 0.0, -RETREAT_M])
+        slow = cell.arm.limits.scaled(LOADED_SPEED)
+        q_lifted = plan.lift.q[-1]
+        try:
+            q_above = cell.kinematics.inverse(above * tcp.inv(), q_lifted + turn * np.eye(6)[0])
+            carry = joint_trajectory(q_lifted, q_above, slow)
+            lower = cartesian_line(cell.kinematics, above, lowered, q_above, T_flange_tool=tcp, limits=slow)
+            retreat = cartesian_line(cell.kinematics, lowered, retreated, lower.q[-1], T_flange_tool=tcp)
+        except UnreachableError:
+            return None
+        return _Placing(carry, lower, retreat)
 
     def _in_tray(self, body: int) -> bool:
         offset = self._cell.truth()[body].translation - np.array(self._cell.config.tray_centre_m)
         half = np.array(self._cell.config.tray_size_m) / 2
         low = offset[2] < get_part(self._cell.config.piece_parts[body]).diameter_m
         return bool((np.abs(offset[:2]) < half).all() and low and not self._gripper.holding(f"piece_{body}"))
+
+    def _steps(self, seconds: float) -> int:
+        return round(seconds / self._cell.model.opt.timestep)
 
 
 def bin_boxes(config: CellConfig) -> Boxes:
@@ -191,22 +219,27 @@ def bin_boxes(config: CellConfig) -> Boxes:
 
 @cache
 def surface_points(part: str) -> Array:
-    """Points (N, 3) spread over a part's surface, in its frame: what the gripper may not run into."""
-    from trimesh import load_mesh
-    from trimesh.sample import sample_surface_even
-
+    """Points (N, 3) spread evenly over a part's surface, in its frame: what the gripper may not run into."""
     mesh = load_mesh(get_part(part).visual_mesh, process=False)
-    points, _ = sample_surface_even(mesh, SURFACE_POINTS, seed=0)
-    return np.vstack([points, vertices(get_part(part))[::40]])
+    count = max(FEWEST_SURFACE_POINTS, round(mesh.area / SURFACE_SPACING_M**2))
+    points, _ = sample_surface_even(mesh, count, seed=0)
+    return np.asarray(np.vstack([points, vertices(get_part(part))[::8]]))
 
 
-def _taught_grasps(part: str) -> tuple[TaughtGrasp, ...]:
-    return tuple(
-        TaughtGrasp(g.name, g.T_part_tcp, g.width_m, g.kind, g.copies) for g in load_model(part).grasps
-    )
+@cache
+def _opened_grasps(part: str, gripper_xml: Path, approach_m: float) -> tuple[OpenedGrasp, ...]:
+    taught = [TaughtGrasp(g.name, g.T_part_tcp, g.width_m, g.kind, g.copies) for g in load_model(part).grasps]
+    return opened_grasps(GripperGeometry.from_mjcf(gripper_xml), taught, surface_points(part), approach_m)
+
+
+def _confidence(estimate: PoseEstimate) -> float:
+    """How sure a pose is, 0 to 1: by the support of its edges, and by its standard deviation."""
+    sigma = float(np.sqrt(np.trace(estimate.covariance[:3, :3])))
+    return estimate.score * min(1.0, SURE_POSITION_M / max(sigma, 1e-9))
 
 
 def _height_below_tcp(plan: GraspPlan, part: str) -> float:
     """How far the held piece reaches below the tool centre point, by the plan."""
-    T_world_part = plan.T_world_tcp * plan.grasp.T_part_tcp.inv()
-    return float(plan.T_world_tcp.translation[2] - T_world_part.apply(surface_points(part))[:, 2].min())
+    T_world_part = plan.T_world_tcp * plan.taught.T_part_tcp.inv()
+    heights = surface_points(part) @ T_world_part.as_matrix()[2, :3] + T_world_part.translation[2]
+    return float(plan.T_world_tcp.translation[2] - heights.min())

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 MARGINS_M = (0.0006, 0.001, 0.0015, 0.0025, 0.004)
 LEAST_CLEARANCE_M = 0.0004
-_MOST_CLEARANCE_M = 0.01
+_MOST_CLEARANCE_M = 0.005
 
 
 def opened_grasps(

@@ -57,9 +57,9 @@ class SceneEdges:
         self._claimed: list[Mask] = [np.zeros(f.distance.shape, bool) for f in fields]
         self._T_camera_world = [np.linalg.inv(v.T_world_camera.as_matrix()) for v in views]
 
-    def evidence(self, T_world_part: Array, contour: ModelContour) -> Evidence:
-        """Support of a pose by edges that no other part has claimed."""
-        per_view = [self._support(v, T_world_part, contour) for v in range(len(self.views))]
+    def evidence(self, T_world_part: Array, contour: ModelContour, reach_px: float = REACH_PX) -> Evidence:
+        """Support of a pose by edges within ``reach_px`` that no other part has claimed."""
+        per_view = [self._support(v, T_world_part, contour, reach_px) for v in range(len(self.views))]
         total, count = (np.stack([tally[k] for tally in per_view]) for k in (0, 1))
         # A small hole says as much per pixel as a rim, but a rim is longer: square roots balance the two.
         weight = contour.circle_weight * np.sqrt(count.sum(axis=0))
@@ -140,7 +140,9 @@ class SceneEdges:
                 rows = slice(max(y - width_px, 0), min(y + width_px + 1, height))
                 self._claimed[v][rows, max(x - width_px, 0) : min(x + width_px + 1, width)] = True
 
-    def _support(self, v: int, T_world_part: Array, contour: ModelContour) -> tuple[Array, Array]:
+    def _support(
+        self, v: int, T_world_part: Array, contour: ModelContour, reach_px: float = REACH_PX
+    ) -> tuple[Array, Array]:
         """Sum of the support and number of the samples, (C,) each, of the circles that face the camera of view v."""
         field, camera = self.fields[v], self.views[v].camera
         total, count = np.zeros(len(contour.circle_weight)), np.zeros(len(contour.circle_weight))
@@ -149,7 +151,7 @@ class SceneEdges:
             (camera.fx, camera.fy, camera.cx, camera.cy),
             (contour.points, contour.tangents, contour.normals, contour.circle),
             (field.distance, field.direction, self._claimed[v]),
-            REACH_PX,
+            reach_px,
             total,
             count,
         )

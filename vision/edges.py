@@ -166,7 +166,6 @@ def detect_edges(gray: NDArray[np.generic], parameters: EdgeParameters | None = 
     gx, gy = image_gradients(image, parameters.smoothing_px)
     high = _upper_threshold(gx, gy, parameters)
     pixels = cv2.Canny(gx, gy, high * parameters.hysteresis, high, L2gradient=True)
-    # Canny does not look at the frame of the image: smoothing repeats the border there.
     order, offsets, closed = _link(np.asarray(pixels), gx, gy, parameters.min_length_px, parameters.max_gap_px)
     points, gradients, magnitudes = _localise(order, gx, gy)
     index = np.full(image.shape, -1, np.int32)
@@ -257,7 +256,7 @@ def _walk(free, gx, gy, x, y, sign, max_gap, out, count, begin):  # type: ignore
 @njit(cache=True)
 def _link(pixels, gx, gy, min_length, max_gap):  # type: ignore[no-untyped-def]
     """Link edge pixels into chains: pixel numbers in walking order, chain offsets, closed flags."""
-    height, width = pixels.shape
+    width = pixels.shape[1]
     free = pixels > 0
     starts = np.flatnonzero(free)
     total = len(starts)

@@ -16,6 +16,7 @@ from vision.drawing import (
     group_strokes,
     paint,
     paint_regions,
+    plain_strokes,
 )
 from vision.edges import as_gray
 from vision.grouping import Grouping, group_edges
@@ -25,6 +26,7 @@ from vision.segmentation import segment
 FINE_BELOW_PX = 1000
 """Images narrower than this are drawn at twice their size."""
 
+WHITE = (255, 255, 255)
 _FADE = 0.45
 
 
@@ -76,9 +78,7 @@ def explain(image: NDArray[np.generic]) -> tuple[Panel, ...]:
     pruned = paint(paint_regions(faded, segmentation, kept), ellipse_strokes(features), zoom=zoom, thickness_px=zoom)
     fragments = paint(faded, fragment_strokes(grouping), zoom=zoom, thickness_px=zoom)
     groups = paint(enlarge(faded, 1), group_strokes(grouping), zoom=zoom, thickness_px=2 * zoom)
-    outlines = Strokes(
-        ellipse_strokes(grouping.features).lines, np.full((len(grouping.features), 3), 255, np.uint8)
-    )
+    outlines = Strokes(ellipse_strokes(grouping.features).lines, np.full((len(grouping.features), 3), 255, np.uint8))
     groups = _paint_over(groups, outlines, zoom)
     return (
         Panel("1_edges", f"Edges: {len(grouping.edges.closed)} chains", _edges(grouping, zoom)),

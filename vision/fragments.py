@@ -174,10 +174,8 @@ def _polygon(points, first, last, tolerance, keep):  # type: ignore[no-untyped-d
         worst, at = tolerance, -1
         for k in range(a + 1, b):
             dx, dy = points[k, 0] - points[a, 0], points[k, 1] - points[a, 1]
-            if chord < 3.0:  # a loop: the line through its ends says nothing
-                distance = np.sqrt(dx * dx + dy * dy)
-            else:
-                distance = abs(dx * cy - dy * cx) / chord
+            # In a loop the line through the two ends says nothing.
+            distance = abs(dx * cy - dy * cx) / chord if chord >= 3.0 else np.sqrt(dx * dx + dy * dy)
             if distance > worst:
                 worst, at = distance, k
         if at >= 0:

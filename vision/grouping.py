@@ -53,7 +53,7 @@ class GroupingParameters:
     min_share: float = 0.08
     max_error_px: float = 0.9
     min_coverage: float = 0.4
-    min_score: float = 0.35
+    min_score: float = 0.3
     min_overlap: float = 0.9
     max_hypotheses: int = 1200
 

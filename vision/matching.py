@@ -27,19 +27,25 @@ class MatchingParameters:
     """Settings of the matching.
 
     Attributes:
-        candidates: how many of the best distinct candidates are refined and confirmed.
+        candidates: how many of the most promising candidates are refined and confirmed in a round.
+        rounds: how often, as long as new parts are found, the rest is gone through again.
         minimum_score: edge support below which a pose is not reported.
         minimum_separation: distance of two parts below which one of them is a duplicate, in part diameters.
         points_per_ellipse: edge points of each matched ellipse that enter the refinement.
         reach_px: how far from the projected model edges are looked for, iteration by iteration.
+        rim_reach_px: the same for the first correction of a candidate.
+        loose_reach_px: tolerance with which candidates are first weighed by the edges near them.
         joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points.
     """
 
-    candidates: int = 40
+    candidates: int = 30
+    rounds: int = 4
     minimum_score: float = 0.30
     minimum_separation: float = 0.12
     points_per_ellipse: int = 48
     reach_px: tuple[float, ...] = (5.0, 4.0, 3.0, 2.5, 2.0, 2.0, 1.5, 1.5)
+    rim_reach_px: tuple[float, ...] = (6.0, 5.0, 4.0, 3.0)
+    loose_reach_px: float = 7.0
     joint_edges: bool = True
 
 
@@ -92,12 +98,42 @@ class Matcher:
         candidates = candidates.distinct(self.model.diameter_m)
         scene = SceneEdges(self.views, self.fields)
         contour = self._contour(candidates)
-        pool = []
-        for i in range(min(self.parameters.candidates, len(candidates))):
-            candidate = self._develop(candidates, i, features, scene, contour)
-            if candidate is not None:
-                pool.append(candidate)
-        return self._accept(pool, scene, contour)
+        accepted: list[PoseEstimate] = []
+        for _ in range(self.parameters.rounds):
+            chosen = self._promising(candidates, scene, contour)
+            developed = (self._develop(candidates, int(i), features, scene, contour) for i in chosen)
+            found = self._accept([c for c in developed if c is not None], scene, contour)
+            accepted += found
+            candidates = self._untried(candidates, chosen, accepted)
+            if not found or not len(candidates):
+                break
+        return sorted(accepted, key=lambda e: -e.score)
+
+    def _promising(self, candidates: Candidates, scene: SceneEdges, contour: ModelContour) -> NDArray[np.intp]:
+        """The candidates with the most votes, and those with the most unclaimed edges near their salient circles.
+
+        A part that a single ellipse speaks for has few votes, one amid clutter has edges everywhere: neither order
+        alone serves all.
+        """
+        loose = self.parameters.loose_reach_px
+        support = np.array(
+            [scene.evidence(candidates.pose(i), contour, loose).salient for i in range(len(candidates))]
+        )
+        share = self.parameters.candidates // 2
+        by_votes, by_edges = np.argsort(-candidates.votes, kind="stable"), np.argsort(-support, kind="stable")
+        return np.array(list(dict.fromkeys([*by_votes[:share].tolist(), *by_edges[:share].tolist()])), dtype=np.intp)
+
+    def _untried(
+        self, candidates: Candidates, tried: NDArray[np.intp], accepted: Sequence[PoseEstimate]
+    ) -> Candidates:
+        """What is left for the next round: parts hidden among others surface when those have claimed their edges."""
+        free = np.ones(len(candidates), bool)
+        free[tried] = False
+        separation = self.parameters.minimum_separation * self.model.diameter_m
+        for estimate in accepted:
+            distance = np.linalg.norm(candidates.origin - estimate.T_world_part.translation, axis=1)
+            free &= distance > separation
+        return candidates.take(np.flatnonzero(free))
 
     def _contour(self, candidates: Candidates) -> ModelContour:
         """The model sampled for the distance at which the candidates lie."""
@@ -119,8 +155,25 @@ class Matcher:
             matches = vote(T[None, :3, 3], T[None, :3, 2], self.views, features, self.circles)[1][0]
         if refined is None or (matches < 0).all():
             return None
+        if self.parameters.joint_edges:
+            T = self._refine_on_rims(T, scene, contour)
         v, m, _ = candidates.seed[i]
         return _Candidate(T, matches, features[v][m].process, scene.evidence(T, contour), refined)
+
+    def _refine_on_rims(self, T: Array, scene: SceneEdges, contour: ModelContour) -> Array:
+        """Let the edges of all views correct a pose that the ellipses of one view left uncertain in depth."""
+        reach = self.parameters.rim_reach_px
+        rims = contour.salient()
+        refined = refine_pose(
+            T, lambda pose, k: scene.observe(pose, rims, reach[k]), self.views, iterations=len(reach), inplane=False
+        )
+        if refined is None or self._far(refined.T_world_part, T):
+            return T
+        return refined.T_world_part
+
+    def _far(self, T: Array, T_before: Array) -> bool:
+        """Whether a refinement ran away."""
+        return bool(np.linalg.norm(T[:3, 3] - T_before[:3, 3]) > 0.05 * self.model.diameter_m)
 
     def _refine_on_ellipses(self, T: Array, matches: NDArray[np.intp], features: Features) -> Refinement | None:
         def observe(pose: Array, _: int) -> Observations:
@@ -215,8 +268,7 @@ class Matcher:
             )
             if joint is None:
                 return None
-            moved = np.linalg.norm(joint.T_world_part[:3, 3] - T[:3, 3])
-            if moved < 0.05 * self.model.diameter_m:
+            if not self._far(joint.T_world_part, T):
                 refined, T = joint, joint.T_world_part
         return PoseEstimate(
             part=self.model.part,

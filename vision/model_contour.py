@@ -65,9 +65,20 @@ class ModelContour:
         """The circles alone that tell the rotation about z; the numbering of the circles stays."""
         return self._asymmetric
 
+    def salient(self) -> ModelContour:
+        """The salient circles alone; the numbering of the circles stays."""
+        return self._salient
+
     @cached_property
     def _asymmetric(self) -> ModelContour:
-        chosen = ~self.circle_symmetric[self.circle]
+        return self._only(~self.circle_symmetric)
+
+    @cached_property
+    def _salient(self) -> ModelContour:
+        return self._only(self.circle_salient)
+
+    def _only(self, circles: NDArray[np.bool_]) -> ModelContour:
+        chosen = circles[self.circle]
         return replace(
             self,
             points=self.points[chosen],

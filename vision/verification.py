@@ -20,10 +20,11 @@ Array = NDArray[np.float64]
 Limits = tuple[float, float, float, float, float, float, float]
 
 STEP_PX, MIN_STEPS, MAX_STEPS = 1.5, 32, 512
+MIN_VISIBLE = 0.6  # of the circumference inside the image
 GLANCE_STEPS, REFINE_STEPS = 40, 96
 _OUTSIDE = -2  # the step lies outside the image
 _NOTHING = -1  # no edge supports the step
-W_COVERAGE, W_DIRECTION, W_ERROR, W_SIZE, W_SUPPORT, W_BIAS = 6.5, -5.9, -17.0, 1.86, 1.84, -13.7
+W_COVERAGE, W_DIRECTION, W_ERROR, W_SIZE, W_SUPPORT, W_BIAS = 5.66, -19.3, -13.0, 1.21, 2.04, -11.1
 # Columns of the quality of a hypothesis.
 COVERAGE, ERROR, DIRECTION, VISIBLE, SCORE = range(5)
 
@@ -100,8 +101,9 @@ def _drop_short_runs(hits, steps, min_run):  # type: ignore[no-untyped-def]
 def _score(coverage, error, direction, minor, supported_px):  # type: ignore[no-untyped-def]
     """Probability in [0, 1] that a walked outline is a true ellipse.
 
-    A logistic model of coverage, error relative to size, direction error, size, and amount of support. Its weights
-    were fitted to the 'tune' drawings of benchmark/detector, where the outlines are bent by up to a pixel or so.
+    A logistic model of coverage, error relative to size, direction error, size, and amount of support, fitted to the
+    'tune' drawings of benchmark/detector. The weight of the error was held at a smaller value than the fit prefers,
+    because real outlines are less perfect than drawn ones.
     """
     evidence = (
         W_COVERAGE * coverage
@@ -255,7 +257,7 @@ def search(  # type: ignore[no-untyped-def]
         steps = gather(p, edges, used, tolerance, agreement, MAX_STEPS, hits)
         _drop_short_runs(hits, steps, max(4, steps // 40))
         assess(p, edges, hits, steps, quality)
-        if quality[COVERAGE] < min_coverage or quality[ERROR] > max_error or quality[VISIBLE] < 0.5:
+        if quality[COVERAGE] < min_coverage or quality[ERROR] > max_error or quality[VISIBLE] < MIN_VISIBLE:
             continue
         if quality[SCORE] < 0.3 * min_score:
             continue

@@ -1,7 +1,8 @@
 """Where a parallel gripper can hold each part.
 
 The TCP frame has z along the approach (out of the gripper), x along the opening of the fingers, and its origin
-between the finger tips. The tips are 60 mm long, 4 mm thick along x and 10 mm wide along y.
+between the finger tips, 5 mm behind their ends. The tips are 4 mm thick along x and 10 mm wide along y; from 35 mm
+behind their ends on the fingers grow thicker. Here every grasp says where the finger ends are.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from vision.errors import InputError
 
 FINGER_WIDTH_MM = 10.0
+TCP_BEHIND_ENDS_MM = 5.0
 FREE_TURNS = 12  # copies of a grasp that may turn freely about z
 
 Kind = Literal["outside", "inside"]
@@ -71,17 +73,17 @@ def _hub() -> tuple[Grasp, ...]:
     between_cooling_holes = np.radians(9.0)
     return (
         _grasp("bore_front", (0.0, 0.0, 8.0), FRONT, X, _chord(32.0), "inside", FREE_TURNS),
-        _grasp("bore_back", (0.0, 0.0, 23.0), BACK, X, _chord(32.0), "inside", FREE_TURNS),
-        *_radial("rim", 102.0, -19.0, between_cooling_holes, opening="axial", gap=14.0, copies=20),
+        _grasp("bore_back", (0.0, 0.0, 23.5), BACK, X, _chord(32.0), "inside", FREE_TURNS),
+        *_radial("rim", 97.0, -19.0, between_cooling_holes, opening="axial", gap=14.0, copies=20),
     )
 
 
 def _cover1() -> tuple[Grasp, ...]:
     return (
-        _grasp("outside_front", (0.0, 0.0, -4.0), FRONT, X, 30.0, "outside", FREE_TURNS),
-        _grasp("outside_back", (0.0, 0.0, 2.0), BACK, X, 30.0, "outside", FREE_TURNS),
-        *_wall("wall_back", 13.4, 15.0, -1.0, azimuth=0.0, copies=FREE_TURNS),
-        *_radial("side", -4.0, -1.4, 0.0, opening="tangential", gap=30.0, copies=FREE_TURNS),
+        _grasp("outside_front", (0.0, 0.0, -4.5), FRONT, X, 30.0, "outside", FREE_TURNS),
+        _grasp("outside_back", (0.0, 0.0, 3.5), BACK, X, 30.0, "outside", FREE_TURNS),
+        *_wall("wall_back", 13.4, 15.0, -2.5, azimuth=0.0, copies=FREE_TURNS),
+        *_radial("side", -9.0, -1.4, 0.0, opening="tangential", gap=30.0, copies=FREE_TURNS),
         _grasp("boss_front", (0.0, 0.0, 5.1), FRONT, X, 16.0, "outside", FREE_TURNS),
     )
 
@@ -90,14 +92,14 @@ def _cover2() -> tuple[Grasp, ...]:
     between_ribs = np.radians(30.0)
     x = (float(np.cos(between_ribs)), float(np.sin(between_ribs)), 0.0)
     return (
-        _grasp("outside_front", (0.0, 0.0, -6.0), FRONT, x, 65.0, "outside", 6),
-        _grasp("outside_back", (0.0, 0.0, 3.0), BACK, x, 65.0, "outside", 6),
-        _grasp("bore_front", (0.0, 0.0, 2.0), FRONT, x, _chord(9.5), "inside", FREE_TURNS),
-        _grasp("bore_back", (0.0, 0.0, 12.0), BACK, x, _chord(9.5), "inside", FREE_TURNS),
-        *_wall("wall_back", 29.9, 32.5, -2.0, azimuth=between_ribs, copies=6),
-        *_radial("side", -5.0, 1.0, 0.0, opening="tangential", gap=65.0, copies=FREE_TURNS),
-        _grasp("boss_front", (0.0, 0.0, 9.7), FRONT, x, 30.0, "outside", 6),
-        _grasp("boss_back", (0.0, 0.0, 3.4), BACK, x, 30.0, "outside", 6),
+        _grasp("outside_front", (0.0, 0.0, -11.0), FRONT, x, 65.0, "outside", 6),
+        _grasp("outside_back", (0.0, 0.0, 7.0), BACK, x, 65.0, "outside", 6),
+        _grasp("bore_front", (0.0, 0.0, 1.5), FRONT, x, _chord(9.5), "inside", FREE_TURNS),
+        _grasp("bore_back", (0.0, 0.0, 11.5), BACK, x, _chord(9.5), "inside", FREE_TURNS),
+        *_wall("wall_back", 29.9, 32.5, -1.0, azimuth=between_ribs, copies=6),
+        *_radial("side", -10.0, 1.5, 0.0, opening="tangential", gap=65.0, copies=FREE_TURNS),
+        _grasp("boss_front", (0.0, 0.0, 10.3), FRONT, x, 30.0, "outside", 6),
+        _grasp("boss_back", (0.0, 0.0, 3.0), BACK, x, 30.0, "outside", 6),
     )
 
 
@@ -107,10 +109,10 @@ def _radial(
     """Approach towards the axis, with the fingers opening along z or along the tangent; two ways round."""
     outward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     x = np.array([0.0, 0.0, 1.0]) if opening == "axial" else np.array([-outward[1], outward[0], 0.0])
-    origin = radius * outward + np.array([0.0, 0.0, z])
+    ends = radius * outward + np.array([0.0, 0.0, z])
     return (
-        _grasp(name, origin, -outward, x, gap, "outside", copies),
-        _grasp(f"{name}_flipped", origin, -outward, -x, gap, "outside", copies),
+        _grasp(name, ends, -outward, x, gap, "outside", copies),
+        _grasp(f"{name}_flipped", ends, -outward, -x, gap, "outside", copies),
     )
 
 
@@ -118,11 +120,11 @@ def _wall(name: str, inner: float, outer: float, z: float, *, azimuth: float, co
     """One finger inside the open cup and one outside; two ways round."""
     inner_contact = _chord(inner) / 2
     x = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    origin = (inner_contact + outer) / 2 * x + np.array([0.0, 0.0, z])
+    ends = (inner_contact + outer) / 2 * x + np.array([0.0, 0.0, z])
     gap = outer - inner_contact
     return (
-        _grasp(name, origin, BACK, x, gap, "outside", copies),
-        _grasp(f"{name}_flipped", origin, BACK, -x, gap, "outside", copies),
+        _grasp(name, ends, BACK, x, gap, "outside", copies),
+        _grasp(f"{name}_flipped", ends, BACK, -x, gap, "outside", copies),
     )
 
 
@@ -131,7 +133,8 @@ def _chord(radius: float) -> float:
     return float(2 * np.sqrt(radius**2 - (FINGER_WIDTH_MM / 2) ** 2))
 
 
-def _grasp(name: str, origin_mm: Vector, approach: Vector, x: Vector, gap: float, kind: Kind, copies: int) -> Grasp:
+def _grasp(name: str, ends_mm: Vector, approach: Vector, x: Vector, gap: float, kind: Kind, copies: int) -> Grasp:
+    """A grasp whose finger ends are level with a point on the part; the TCP lies a little behind them."""
     rotation = Rotation.from_matrix(np.column_stack([x, np.cross(approach, x), approach]))
-    pose = RigidTransform.from_components(np.asarray(origin_mm) * 1e-3, rotation)
-    return Grasp(name, pose, gap * 1e-3, kind, copies)
+    origin_mm = np.asarray(ends_mm) - TCP_BEHIND_ENDS_MM * np.asarray(approach)
+    return Grasp(name, RigidTransform.from_components(origin_mm * 1e-3, rotation), gap * 1e-3, kind, copies)

@@ -62,7 +62,7 @@ class CellConfig:
     tray_size_m: tuple[float, float]
     camera_distance_m: float
     bin_centre_m: tuple[float, float, float] = (0.75, 0.0, 0.10)
-    tray_centre_m: tuple[float, float, float] = (0.45, -0.70, 0.10)
+    tray_centre_m: tuple[float, float, float] = (0.45, -0.60, 0.10)
     focal_length_m: float = 0.016
     sensor_size_m: tuple[float, float] = (0.0048, 0.0036)
     resolution_px: tuple[int, int] = (640, 480)
@@ -103,7 +103,7 @@ class _Sizes:
 
 
 _SIZES = {
-    "hub": _Sizes((0.40, 0.54), 0.12, (0.60, 0.60), 2.0),
+    "hub": _Sizes((0.40, 0.54), 0.12, (0.50, 0.40), 2.0),
     "cover2": _Sizes((0.157, 0.21), 0.05, (0.22, 0.22), 0.75),
     "cover1": _Sizes((0.075, 0.10), 0.03, (0.16, 0.16), 0.40),
 }

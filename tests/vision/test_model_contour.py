@@ -1,0 +1,103 @@
+"""The sampled model: on its circles, facing the camera, and tallied in one pass as in two."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from vision.circle_pose import project_circle
+from vision.evidence import EdgeField
+from vision.model_contour import SAMPLE_SPACING_PX, ModelContour, tally_support
+
+SCALE = 4200.0
+
+
+@pytest.fixture(scope="module")
+def contour(plate):
+    return ModelContour.of(plate, SCALE)
+
+
+def test_samples_lie_on_the_circles_and_tangents_run_along_them(plate, contour):
+    circles = [circle for feature in plate.features for circle in feature.circles()]
+    assert len(contour.circle_weight) == len(circles) == 8
+    for number, circle in enumerate(circles):
+        mine = contour.circle == number
+        arm = contour.points[mine] - circle.centre
+        assert np.allclose(np.linalg.norm(arm, axis=1), circle.radius_m)
+        for vectors in (arm, contour.tangents[mine]):
+            assert np.allclose(vectors @ circle.normal, 0, atol=1e-12)
+        assert np.allclose(np.einsum("ij,ij->i", arm, contour.tangents[mine]), 0, atol=1e-12)
+        assert np.allclose(np.linalg.norm(contour.tangents[mine], axis=1), 1)
+        assert np.allclose(contour.normals[mine], circle.normal)
+
+
+def test_samples_are_spaced_as_promised(plate, contour):
+    bore = contour.points[contour.circle == 2]
+    gap_px = np.linalg.norm(bore[1] - bore[0]) * SCALE
+    assert SAMPLE_SPACING_PX <= gap_px < 1.1 * SAMPLE_SPACING_PX
+
+
+def test_holes_alone_tell_the_rotation(contour):
+    assert contour.circle_symmetric.tolist() == [True] * 5 + [False] * 3
+    assert contour.circle_salient.tolist() == [True] * 5 + [False] * 3
+    assert set(contour.asymmetric().circle) == {5, 6, 7}
+    assert contour.asymmetric().reach_m == pytest.approx(0.022 + 0.0035, rel=1e-3)
+
+
+def test_projection_is_that_of_the_camera_and_normals_are_those_of_the_ellipse(plate, contour, photograph, pose):
+    (view,) = photograph([], views=[1])
+    T = pose(5, -8, 3, about=(6, -9, 40))
+    projection = contour.project(T.as_matrix(), view)
+    assert np.allclose(projection.pixels, view.project(T.apply(contour.points[projection.index].copy())))
+    for number, circle in enumerate(c for f in plate.features for c in f.circles()):
+        mine = contour.circle[projection.index] == number
+        assert mine.any() == (circle.normal[2] > 0)
+        if mine.any():
+            ellipse = project_circle(circle.moved(T), view)
+            assert np.abs(ellipse.distance(projection.pixels[mine])).max() < 1e-6
+            along = np.einsum("ij,ij->i", ellipse.normals(projection.pixels[mine]), projection.normals[mine])
+            assert np.allclose(np.abs(along), 1, atol=1e-9)
+
+
+def test_nothing_behind_the_camera_is_projected(contour, photograph, pose):
+    (view,) = photograph([], views=[1])
+    behind = view.T_world_camera * RigidTransform.from_translation([0, 0, -0.5])
+    assert len(contour.project(behind.as_matrix(), view).index) == 0
+
+
+def test_one_pass_tallies_what_projection_and_support_do(contour, photograph, pose):
+    (view,) = photograph([pose(-30, 2, 0, about=(5, 4, 10)), pose(32, 5, 0, about=(184, -6, 0))], views=[0])
+    field = EdgeField.from_gray(view.gray)
+    rng = np.random.default_rng(10_001)
+    claimed = rng.random(field.distance.shape) < 0.2
+    camera = view.camera
+    supported = 0
+    for trial in range(40):
+        near = pose(-30, 2, 0, about=(5, 4, 10)) if trial % 2 else pose(32, 5, 0, about=(184, -6, 0))
+        spread = 10.0 ** -rng.uniform(0.5, 4)
+        shake = RigidTransform.from_components(
+            0.05 * spread * rng.normal(size=3), Rotation.from_rotvec(spread * rng.normal(size=3))
+        )
+        T = (near * shake).as_matrix()
+        total, count = np.zeros(8), np.zeros(8)
+        tally_support(
+            np.linalg.inv(view.T_world_camera.as_matrix()) @ T,
+            (camera.fx, camera.fy, camera.cx, camera.cy),
+            (contour.points, contour.tangents, contour.normals, contour.circle),
+            (field.distance, field.direction, claimed),
+            3.0,
+            total,
+            count,
+        )
+        projection = contour.project(T, view)
+        u, v = np.round(projection.pixels).T.astype(int)
+        inside = (u >= 2) & (v >= 2) & (u <= camera.width_px - 3) & (v <= camera.height_px - 3)
+        free = inside & ~claimed[np.where(inside, v, 0), np.where(inside, u, 0)]
+        support = field.support(projection.pixels, projection.normals, 3.0)
+        circle = contour.circle[projection.index]
+        assert np.array_equal(count, np.bincount(circle[inside], minlength=8))
+        # The distances are stored in single precision.
+        assert np.allclose(total, np.bincount(circle[free], support[free], minlength=8), rtol=1e-5, atol=1e-5)
+        supported += total.sum() > 20
+    assert supported > 10
