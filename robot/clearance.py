@@ -30,11 +30,14 @@ def points_clearance(
         return nearest
     in_tool = (points[None] - translations[:, None]) @ rotations
     low, high = _bounds(tool)
-    near = ((in_tool > low - up_to_m) & (in_tool < high + up_to_m)).all(axis=-1)
+    x, y, z = np.moveaxis((in_tool > low - up_to_m) & (in_tool < high + up_to_m), -1, 0)
+    near = x & y & z  # numpy reduces short axes slowly
     pose_of, candidates = np.nonzero(near)[0], in_tool[near]
     for centre, rotation, half in zip(tool.centres, tool.rotations, tool.half_sizes, strict=True):
         outside = np.abs((candidates - centre) @ rotation) - half
-        distance = np.linalg.norm(np.maximum(outside, 0.0), axis=-1) + np.minimum(outside.max(axis=-1), 0.0)
+        beyond = np.maximum(outside, 0.0)
+        deepest = np.maximum(np.maximum(outside[:, 0], outside[:, 1]), outside[:, 2])
+        distance = np.sqrt(np.einsum("nk,nk->n", beyond, beyond)) + np.minimum(deepest, 0.0)
         np.minimum.at(nearest, pose_of, distance)
     return nearest
 

@@ -17,7 +17,7 @@ from robot.gripper_geometry import GripperGeometry
 
 Array = NDArray[np.float64]
 
-MARGINS_M = (0.0006, 0.001, 0.0015, 0.0025, 0.004)
+MARGINS_M = (0.0006, 0.001, 0.002, 0.004)
 LEAST_CLEARANCE_M = 0.0004
 _MOST_CLEARANCE_M = 0.005
 
@@ -51,9 +51,7 @@ def copies_in_part(grasp: TaughtGrasp) -> RigidTransform:
     return turned * RigidTransform.from_rotation(flips)
 
 
-def _openings(
-    gripper: GripperGeometry, grasp: TaughtGrasp, points: Array, approach_m: float
-) -> list[OpenedGrasp]:
+def _openings(gripper: GripperGeometry, grasp: TaughtGrasp, points: Array, approach_m: float) -> list[OpenedGrasp]:
     inside = grasp.kind == "inside"
     closed = grasp.width_m - 2 * gripper.finger_thickness_m * inside
     poses = copies_in_part(grasp)

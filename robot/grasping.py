@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import heapq
+import itertools
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -21,8 +23,10 @@ from robot.trajectory import cartesian_line
 
 Array = NDArray[np.float64]
 
+DEFAULT_SETTINGS = GraspSettings()
 _POINT_SPACING_M = 0.0025
 _COLUMNS = 24  # across a piece, to find what lies upon it
+_COVERED_COST = 4.0  # of a wholly covered piece, where each virtue counts up to one
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +34,13 @@ class _Candidate:
     piece: int
     grasp: OpenedGrasp
     T_world_tcp: RigidTransform
-    clearance_m: float
+    clearance_m: float  # from the environment alone until `checked`, then from the other pieces too
     tilt_rad: float
-    score: float
+    merit: float  # what the clearance has no part in
+    checked: bool = False
+
+    def score(self, settings: GraspSettings) -> float:
+        return self.merit + min(self.clearance_m / settings.good_clearance_m, 1.0)
 
 
 def plan_grasp(
@@ -41,7 +49,7 @@ def plan_grasp(
     pieces: Sequence[Piece],
     environment: Boxes,
     seed_q: ArrayLike,
-    settings: GraspSettings = GraspSettings(),
+    settings: GraspSettings = DEFAULT_SETTINGS,
     usable: Callable[[GraspPlan], bool] = lambda _: True,
 ) -> GraspChoice:
     """Choose the piece and the grasp that forgive most, among those that the arm can reach.
@@ -61,22 +69,27 @@ def plan_grasp(
     seed = joint_vector(seed_q)
     rejected: Counter[str] = Counter()
     clouds = [_thinned(piece.points_world) for piece in pieces]
-    candidates: list[_Candidate] = []
-    for index, piece in enumerate(pieces):
-        obstacles = np.concatenate([np.zeros((0, 3)), *(cloud for i, cloud in enumerate(clouds) if i != index)])
-        covered = covered_share(clouds[index], obstacles)
-        if covered > settings.max_covered:
-            rejected["under other pieces"] += len(piece.grasps)
+    obstacles = [
+        np.concatenate([np.zeros((0, 3)), *(cloud for i, cloud in enumerate(clouds) if i != index)])
+        for index in range(len(pieces))
+    ]
+    candidates = [
+        candidate
+        for index, piece in enumerate(pieces)
+        for candidate in _candidates(
+            index, piece, covered_share(clouds[index], obstacles[index]), gripper, environment, settings, rejected
+        )
+    ]
+    tries = 0
+    for candidate in _best_first(candidates, gripper, obstacles, settings, rejected):
+        if tries == settings.max_tries:
+            rejected["not tried"] += 1
             continue
-        free = _free(piece, gripper, obstacles, environment, settings, rejected)
-        candidates += [replace(c, piece=index, score=c.score + piece.confidence - 4 * covered) for c in free]
-    candidates.sort(key=lambda c: c.score, reverse=True)
-    for candidate in candidates[: settings.max_tries]:
+        tries += 1
         plan = _reach(candidate, kinematics, gripper, seed, settings)
         if plan is not None and usable(plan):
             return GraspChoice(plan, dict(rejected))
         rejected["out of reach" if plan is None else "of no use"] += 1
-    rejected["not tried"] += max(0, len(candidates) - settings.max_tries)
     return GraspChoice(None, {reason: count for reason, count in rejected.items() if count})
 
 
@@ -105,39 +118,72 @@ def covered_share(points: Array, others: Array) -> float:
     return float((tops(others) > own)[occupied].mean())
 
 
-def _free(
+def _candidates(
+    index: int,
     piece: Piece,
+    covered: float,
     gripper: GripperGeometry,
-    obstacles: Array,
     environment: Boxes,
     settings: GraspSettings,
     rejected: Counter[str],
 ) -> Iterator[_Candidate]:
-    """The grasps of one piece that collide with nothing."""
+    """The grasps of one piece that do not collide with the environment."""
+    if covered > settings.max_covered:
+        rejected["under other pieces"] += len(piece.grasps)
+        return
     for opened in piece.grasps:
         poses = piece.T_world_part * copies_in_part(opened.grasp)
         rotations, translations = poses.rotation.as_matrix(), np.asarray(poses.translation)
         tilts = np.arccos(np.clip(-rotations[:, 2, 2], -1.0, 1.0))
         upright = np.flatnonzero(tilts <= settings.max_tilt_rad)
         rejected["too tilted"] += len(tilts) - len(upright)
-        if not len(upright):
-            continue
         tool = swept_back(_closing(gripper, opened), settings.approach_m)
-        clearances = _clearances(tool, rotations[upright], translations[upright], obstacles, environment, settings)
+        clearances = boxes_clearance(tool, rotations[upright], translations[upright], environment)
+        forgiven = min(opened.clearance_m / settings.good_opening_m, 1.0)
         for number, clearance in zip(upright, clearances, strict=True):
             if clearance < settings.min_clearance_m:
                 rejected["collision"] += 1
-            else:
-                tilt = float(tilts[number])
-                score = _score(opened, float(clearance), tilt, settings)
-                yield _Candidate(-1, opened, poses[int(number)], float(clearance), tilt, score)
+                continue
+            tilt = float(tilts[number])
+            merit = piece.confidence + forgiven - tilt / settings.max_tilt_rad - _COVERED_COST * covered
+            room = min(float(clearance), settings.good_clearance_m)
+            yield _Candidate(index, opened, poses[int(number)], room, tilt, merit)
 
 
-def _score(opened: OpenedGrasp, clearance_m: float, tilt_rad: float, settings: GraspSettings) -> float:
-    """Room around, room for errors at the piece itself, and uprightness: each counts up to one."""
-    room = min(clearance_m / settings.good_clearance_m, 1.0)
-    forgiven = min(opened.clearance_m / settings.good_opening_m, 1.0)
-    return room + forgiven - tilt_rad / settings.max_tilt_rad
+def _best_first(
+    candidates: Sequence[_Candidate],
+    gripper: GripperGeometry,
+    obstacles: Sequence[Array],
+    settings: GraspSettings,
+    rejected: Counter[str],
+) -> Iterator[_Candidate]:
+    """The candidates that also miss the other pieces, best first.
+
+    The other pieces can only lower a score, and checking them is what takes the time: it is put off until a candidate
+    leads.
+    """
+    number = itertools.count()
+    queue = [(-c.score(settings), next(number), c) for c in candidates]
+    heapq.heapify(queue)
+    while queue:
+        _, _, candidate = heapq.heappop(queue)
+        if candidate.checked:
+            yield candidate
+            continue
+        clearance = min(candidate.clearance_m, _from_pieces(candidate, gripper, obstacles[candidate.piece], settings))
+        if clearance < settings.min_clearance_m:
+            rejected["collision"] += 1
+            continue
+        checked = replace(candidate, clearance_m=clearance, checked=True)
+        heapq.heappush(queue, (-checked.score(settings), next(number), checked))
+
+
+def _from_pieces(candidate: _Candidate, gripper: GripperGeometry, obstacles: Array, settings: GraspSettings) -> float:
+    """Clearance from the other pieces over the straight approach, cut at the good one."""
+    tool = swept_back(_closing(gripper, candidate.grasp), settings.approach_m)
+    matrix = candidate.T_world_tcp.as_matrix()
+    found = points_clearance(tool, matrix[None, :3, :3], matrix[None, :3, 3], obstacles, settings.good_clearance_m)
+    return float(found[0])
 
 
 def _closing(gripper: GripperGeometry, opened: OpenedGrasp) -> Boxes:
@@ -146,18 +192,6 @@ def _closing(gripper: GripperGeometry, opened: OpenedGrasp) -> Boxes:
     # The fingers' boxes are axis-parallel and travel along x alone, so the union is a box.
     travelled = np.abs(open_.centres - shut.centres) / 2
     return Boxes((open_.centres + shut.centres) / 2, open_.rotations, open_.half_sizes + travelled)
-
-
-def _clearances(
-    tool: Boxes, rotations: Array, translations: Array, obstacles: Array, environment: Boxes, settings: GraspSettings
-) -> Array:
-    """(K,) smallest clearance over the straight approach, cut at the good one; the cheap check goes first."""
-    good = settings.good_clearance_m
-    clearances = np.minimum(boxes_clearance(tool, rotations, translations, environment), good)
-    free = np.flatnonzero(clearances >= settings.min_clearance_m)
-    found = points_clearance(tool, rotations[free], translations[free], obstacles, good)
-    clearances[free] = np.minimum(clearances[free], found)
-    return clearances
 
 
 def _thinned(points: Array) -> Array:

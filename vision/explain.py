@@ -77,8 +77,8 @@ def explain(image: NDArray[np.generic]) -> tuple[Panel, ...]:
     regions = paint_regions(gray, segmentation, segmentation.regions, zoom=zoom)
     pruned = paint(paint_regions(faded, segmentation, kept), ellipse_strokes(features), zoom=zoom, thickness_px=zoom)
     fragments = paint(faded, fragment_strokes(grouping), zoom=zoom, thickness_px=zoom)
-    groups = paint(enlarge(faded, 1), group_strokes(grouping), zoom=zoom, thickness_px=2 * zoom)
-    outlines = Strokes(ellipse_strokes(grouping.features).lines, np.full((len(grouping.features), 3), 255, np.uint8))
+    groups = paint(faded, group_strokes(grouping), zoom=zoom, thickness_px=2 * zoom)
+    outlines = plain_strokes(ellipse_strokes(grouping.features).lines, WHITE)
     groups = _paint_over(groups, outlines, zoom)
     return (
         Panel("1_edges", f"Edges: {len(grouping.edges.closed)} chains", _edges(grouping, zoom)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import rerun.blueprint as rrb
 
 from benchmark.report.rerun_scene import TIME
@@ -18,6 +19,7 @@ LAYERS = {
 }
 """What is drawn over a picture: title, and the entities below the picture's own."""
 
+_FAR_TARGET = (0.41, -0.2, 0.87)
 _EYE_OFFSET = (2.15, 1.5, 1.0)
 _BACKGROUND = (52, 56, 62)
 
@@ -55,8 +57,11 @@ def episode_blueprint(cell: CellConfig, views: int) -> rrb.Blueprint:
 
 
 def _cell_view(cell: CellConfig, views: int) -> rrb.Spatial3DView:
-    target = (0.55 * cell.bin_centre_m[0], 0.5 * cell.bin_centre_m[1] - 0.2, 0.85)
-    eye = [t + o for t, o in zip(target, _EYE_OFFSET, strict=True)]
+    # The larger the camera's distance, the more of the arm is of interest; a small bin is looked at from nearby.
+    far = min(cell.camera_distance_m / 2.0, 1.0)
+    near_target = np.add(cell.bin_centre_m, (0.0, 0.0, 0.45 * cell.camera_distance_m))
+    target = near_target + far * (_FAR_TARGET - near_target)
+    eye = target + (0.3 + 0.7 * far) * np.array(_EYE_OFFSET)
     # Of the drawings, the superimposed models alone stay readable on the small pictures in space.
     hidden = [
         f"- /{view_entity(index)}/{layer}/**"

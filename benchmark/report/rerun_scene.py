@@ -32,7 +32,7 @@ def log_geometry(recording: rr.RecordingStream, model: mujoco.MjModel, data: muj
         model: the compiled cell.
         data: any state; bodies that are fixed to the world are placed after it.
     """
-    for geom in np.flatnonzero(model.geom_group != COLLISION_GROUP):
+    for geom in np.flatnonzero(model.geom_group != COLLISION_GROUP).tolist():
         body = int(model.geom_bodyid[geom])
         if _is_piece(model, body):
             continue
@@ -40,8 +40,8 @@ def log_geometry(recording: rr.RecordingStream, model: mujoco.MjModel, data: muj
         recording.log(entity, _shape(model, geom), _pose(model.geom_pos[geom], model.geom_quat[geom]), static=True)
     for part, bodies in _pieces(model).items():
         recording.log(f"{PIECES}/{part}", _piece_mesh(model, bodies[0]), static=True)
-    for body in np.flatnonzero(model.body_weldid == 0):
-        recording.log(body_entity(model, int(body)), _pose(data.xpos[body], data.xquat[body]), static=True)
+    for body in np.flatnonzero(model.body_weldid == 0).tolist():
+        recording.log(body_entity(model, body), _pose(data.xpos[body], data.xquat[body]), static=True)
 
 
 def body_entity(model: mujoco.MjModel, body: int) -> str:
@@ -82,14 +82,14 @@ class Motion:
         if not self._times_s:
             return
         positions, quaternions = np.stack(self._positions), np.stack(self._quaternions)
-        moving = np.flatnonzero(self.model.body_weldid != 0)
+        moving = np.flatnonzero(self.model.body_weldid != 0).tolist()
         for body in moving:
             if not _is_piece(self.model, body) and self.model.body_geomnum[body]:
                 kept = _changes(np.hstack([positions[:, body], quaternions[:, body]]))
                 columns = rr.Transform3D.columns(
                     translation=positions[kept, body], quaternion=quaternions[kept, body]
                 )
-                recording.send_columns(body_entity(self.model, int(body)), self._index(kept), columns)
+                recording.send_columns(body_entity(self.model, body), self._index(kept), columns)
         for part, bodies in _pieces(self.model).items():
             poses = np.concatenate([positions[:, bodies], quaternions[:, bodies]], axis=2)
             kept = _changes(poses.reshape(len(poses), -1))

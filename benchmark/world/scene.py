@@ -51,6 +51,7 @@ class CellConfig:
         sensor_size_m: width and height of its sensor.
         resolution_px: width and height of its pictures.
         camera_distance_m: distance from the camera to the bin's centre at a viewpoint.
+        view_tilt_rad: angle of a viewpoint's optical axis from the vertical.
         arm_xml: MJCF of the arm, with joints ``joint1`` .. ``joint6`` and a site ``flange``.
         gripper_xml: MJCF of the gripper, with a site ``tcp`` and a camera ``wrist_camera``.
     """
@@ -61,6 +62,7 @@ class CellConfig:
     bin_wall_m: float
     tray_size_m: tuple[float, float]
     camera_distance_m: float
+    view_tilt_rad: float = float(np.radians(15.0))
     bin_centre_m: tuple[float, float, float] = (0.75, 0.0, 0.10)
     tray_centre_m: tuple[float, float, float] = (0.45, -0.60, 0.10)
     focal_length_m: float = 0.016
@@ -100,12 +102,15 @@ class _Sizes:
     bin_wall_m: float
     tray_size_m: tuple[float, float]
     camera_distance_m: float
+    view_tilt_rad: float
 
 
+# The covers are deep enough to stand on edge, where only a tilted view shows a face; over the hub's large bin the
+# arm reaches no greater tilt.
 _SIZES = {
-    "hub": _Sizes((0.40, 0.54), 0.12, (0.50, 0.40), 2.0),
-    "cover2": _Sizes((0.157, 0.21), 0.05, (0.22, 0.22), 0.75),
-    "cover1": _Sizes((0.075, 0.10), 0.03, (0.16, 0.16), 0.40),
+    "hub": _Sizes((0.40, 0.54), 0.12, (0.50, 0.40), 1.9, float(np.radians(15.0))),
+    "cover2": _Sizes((0.157, 0.21), 0.05, (0.22, 0.22), 0.75, float(np.radians(25.0))),
+    "cover1": _Sizes((0.075, 0.10), 0.03, (0.16, 0.16), 0.40, float(np.radians(25.0))),
 }
 
 

@@ -30,13 +30,13 @@ def _circle(name, role, offset, side, radius, copies=1):
 
 @pytest.fixture(scope="session")
 def plate() -> VisionModel:
-    """60 mm across: on the front a ring, a bore and three holes, on the back a bore alone."""
+    """60 mm across: on the front a ring, a bore and three holes, on the back a wider bore alone."""
     features = (
         _circle("outline_front", "salient", 0.0, 1, 0.030),
         _circle("ring_front", "salient", 0.0, 1, 0.014),
         _circle("bore_front", "salient", 0.0, 1, 0.008),
         _circle("outline_back", "salient", 0.0, -1, 0.030),
-        _circle("bore_back", "salient", 0.0, -1, 0.008),
+        _circle("bore_back", "salient", 0.0, -1, 0.011),
         _circle("hole_front", "supporting", 0.022, 1, 0.0035, copies=3),
     )
     return VisionModel("plate", 0.060, features, symmetry_fold=3)
@@ -52,13 +52,23 @@ def look_at_origin(tilt_deg: float, azimuth_deg: float, distance_m: float = DIST
     return RigidTransform.from_components(distance_m * up, Rotation.from_matrix(axes))
 
 
-CAMERA_POSES = tuple(look_at_origin(tilt, azimuth) for tilt, azimuth in ((14, 20), (16, 140), (15, 260), (5, 80), (25, 0)))
+CAMERA_POSES = tuple(
+    look_at_origin(tilt, azimuth) for tilt, azimuth in ((14, 20), (16, 140), (15, 260), (5, 80), (25, 0))
+)
 
 
 def _paint(image: np.ndarray, T_part_camera: np.ndarray, circle: Circle, grey: float) -> None:
     """Fill the circle, its edge blurred: where each pixel's ray meets the circle's plane is compared with its radius."""
-    height, width = image.shape
-    x, y = np.meshgrid((np.arange(width) - CAMERA.cx) / CAMERA.fx, (np.arange(height) - CAMERA.cy) / CAMERA.fy)
+    centre = np.linalg.inv(T_part_camera) @ [*circle.centre, 1.0]
+    middle = CAMERA.project(centre[:3])[0]
+    reach_px = CAMERA.fx * circle.radius_m / (centre[2] - circle.radius_m) + 10
+    left, top = np.maximum(middle - reach_px, 0).astype(int)
+    right, bottom = np.clip(middle + reach_px, 0, [CAMERA.width_px, CAMERA.height_px]).astype(int)
+    if right - left < 2 or bottom - top < 2:
+        return
+    x, y = np.meshgrid(
+        (np.arange(left, right) - CAMERA.cx) / CAMERA.fx, (np.arange(top, bottom) - CAMERA.cy) / CAMERA.fy
+    )
     rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ T_part_camera[:3, :3].T
     eye = T_part_camera[:3, 3]
     reach = (circle.centre[2] - eye[2]) / rays[..., 2]
@@ -66,7 +76,8 @@ def _paint(image: np.ndarray, T_part_camera: np.ndarray, circle: Circle, grey: f
     outside = np.hypot(hit[..., 0], hit[..., 1]) - circle.radius_m
     per_row, per_column = np.gradient(outside)
     covered = ndtr(-outside / np.hypot(per_row, per_column) / BLUR_PX)
-    image += covered * (grey - image)
+    patch = image[top:bottom, left:right]
+    patch += covered * (grey - patch)
 
 
 @pytest.fixture(scope="session")

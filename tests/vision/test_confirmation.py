@@ -1,0 +1,134 @@
+"""Edges of drawn plates confirm the pose in which they were drawn, and no other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from vision.confirmation import SceneEdges, turned
+from vision.evidence import EdgeField
+from vision.model_contour import ModelContour
+
+SCALE = 4200.0
+FLIP = RigidTransform.from_rotation(Rotation.from_euler("x", 180, degrees=True))
+
+
+@pytest.fixture(scope="module")
+def contour(plate):
+    return ModelContour.of(plate, SCALE)
+
+
+@pytest.fixture
+def front(pose):
+    return pose(4, -6, 1, about=(5, -8, 17))
+
+
+def edges_of(views):
+    return SceneEdges(views, [EdgeField.from_gray(v.gray) for v in views])
+
+
+def angle_between(a, b, fold):
+    """Rotation about z between two 4x4 poses of equal axes, degrees, up to the symmetry."""
+    R = a[:3, :3].T @ b[:3, :3]
+    angle = np.degrees(np.arctan2(R[1, 0], R[0, 0]))
+    period = 360 / fold
+    return abs((angle + period / 2) % period - period / 2)
+
+
+def test_the_true_pose_is_confirmed(front, photograph, contour):
+    evidence = edges_of(photograph([front])).evidence(front.as_matrix(), contour)
+    assert evidence.score > 0.9
+    assert evidence.salient > 0.9
+    assert evidence.supporting > 0.9
+    assert evidence.views == 3
+
+
+def test_turned_and_flipped_poses_are_confirmed_less(front, photograph, contour):
+    scene = edges_of(photograph([front]))
+    truth = scene.evidence(front.as_matrix(), contour)
+    for degrees in (15, 40, 60):
+        wrong = scene.evidence(turned(front.as_matrix(), np.radians(degrees)), contour)
+        assert wrong.supporting < 0.3 * truth.supporting
+        assert wrong.salient == pytest.approx(truth.salient, abs=0.05)
+    flipped = scene.evidence((front * FLIP).as_matrix(), contour)
+    assert flipped.score < 0.7 * truth.score
+
+
+def test_a_back_is_not_taken_for_a_front(pose, photograph, contour):
+    back = pose(4, -6, 1, about=(185, 6, 0))
+    scene = edges_of(photograph([back]))
+    truth, flipped = (scene.evidence(T.as_matrix(), contour) for T in (back, back * FLIP))
+    assert truth.score > 0.9
+    assert np.isnan(truth.supporting)
+    assert flipped.score < 0.75 * truth.score
+    assert flipped.supporting < 0.3
+
+
+def test_support_falls_as_the_pose_moves_away(front, photograph, contour, pose):
+    scene = edges_of(photograph([front]))
+    scores = [scene.evidence((pose(x) * front).as_matrix(), contour).score for x in (0, 0.5, 1, 4)]
+    assert (np.diff(scores) < 0).all()
+    assert scores[-1] < 0.3
+
+
+def test_no_edges_no_evidence(front, photograph, contour):
+    evidence = edges_of(photograph([], noise=0)).evidence(front.as_matrix(), contour)
+    assert (evidence.score, evidence.salient, evidence.supporting) == (0, 0, 0)
+
+
+def test_views_count_only_where_the_part_is_seen(front, photograph, contour):
+    seen, unseen = photograph([front], views=[0, 1]), photograph([], views=[2])
+    assert edges_of(seen + unseen).evidence(front.as_matrix(), contour).views == 2
+
+
+@pytest.mark.parametrize("start_deg", [0, 31, 77, 119, 200, -45])
+def test_rotation_about_the_axis_is_found_from_any_start(start_deg, front, photograph, contour):
+    scene = edges_of(photograph([front]))
+    found, known = scene.find_inplane(turned(front.as_matrix(), np.radians(start_deg)), contour, fold=3)
+    assert known
+    assert angle_between(found, front.as_matrix(), fold=3) < 0.7
+    assert np.allclose(found[:3, 2:], front.as_matrix()[:3, 2:])
+
+
+def test_rotation_stays_unknown_where_no_supporting_feature_is_seen(pose, photograph, contour):
+    back = pose(4, -6, 1, about=(185, 6, 0))
+    _, known = edges_of(photograph([back])).find_inplane(back.as_matrix(), contour, fold=3)
+    assert not known
+
+
+def test_claimed_edges_no_longer_support(front, photograph, contour, pose):
+    other = pose(33, 38, 0, about=(3, 4, 0))
+    front = pose(-30, -20) * front
+    scene = edges_of(photograph([front, other], views=[0, 1, 3]))
+    before = scene.evidence(other.as_matrix(), contour)
+    scene.claim(front.as_matrix(), contour)
+    assert scene.evidence(front.as_matrix(), contour).score < 0.02
+    assert scene.evidence(other.as_matrix(), contour).score > before.score - 0.02
+    assert len(scene.observe(front.as_matrix(), contour, 2.0).view) < 20
+
+
+def test_a_pose_that_no_edges_support_claims_none(front, photograph, contour, pose):
+    scene = edges_of(photograph([front]))
+    before = scene.evidence(front.as_matrix(), contour).score
+    scene.claim((pose(6, 6) * front).as_matrix(), contour)
+    assert scene.evidence(front.as_matrix(), contour).score > before - 0.1
+
+
+def test_observed_edges_lie_on_the_contour_and_belong_to_their_view(front, photograph, contour):
+    views = photograph([front], noise=0)
+    seen = edges_of(views).observe(front.as_matrix(), contour, 2.0)
+    assert set(seen.view) == {0, 1, 2}
+    for v, view in enumerate(views):
+        mine = seen.view == v
+        expected = view.project(front.apply(seen.points_part[mine].copy()))
+        off = np.einsum("ij,ij->i", seen.pixels[mine] - expected, seen.normals[mine])
+        assert mine.sum() > 200
+        assert abs(off.mean()) < 0.05
+        assert np.abs(off).max() < 0.4
+
+
+def test_turning_is_about_the_part_itself(front):
+    T = turned(front.as_matrix(), 0.3)
+    assert np.allclose(T[:3, 3], front.translation)
+    assert np.allclose(front.rotation.as_matrix().T @ T[:3, :3], Rotation.from_rotvec([0, 0, 0.3]).as_matrix())

@@ -1,0 +1,152 @@
+"""The whole system on drawn plates: images in, poses out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from vision.candidates import Workspace
+from vision.errors import InputError
+from vision.localizer import EllipseLocalizer, Localization, Localizer
+
+WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))
+
+
+def nearest(estimates, truth, fold=3):
+    """The estimate next to a pose, its distance in mm and its rotation in degrees up to the plate's symmetry."""
+    best = min(estimates, key=lambda e: np.linalg.norm(e.T_world_part.translation - truth.translation))
+    turns = Rotation.from_euler("z", np.arange(fold) * 360 / fold, degrees=True)
+    angles = ((truth.rotation * turns).inv() * best.T_world_part.rotation).magnitude()
+    distance = np.linalg.norm(best.T_world_part.translation - truth.translation)
+    return best, 1e3 * distance, np.degrees(angles.min())
+
+
+@pytest.fixture
+def scene(pose):
+    return [pose(-33, 0, 0, about=(5, 3, 11)), pose(33, 4, 1, about=(-4, 6, 70))]
+
+
+@pytest.fixture(scope="module")
+def dual(plate):
+    return EllipseLocalizer([plate])
+
+
+@pytest.mark.parametrize("views", [2, 3])
+def test_plates_are_localised_within_a_twentieth_of_a_millimetre(views, dual, scene, photograph):
+    result = dual.localize(photograph(scene, views), WORKSPACE)
+    assert len(result.estimates) == 2
+    for truth in scene:
+        best, distance, angle = nearest(result.estimates, truth)
+        assert distance < 0.05
+        assert angle < 0.1
+        assert best.inplane_known
+        assert best.views == views
+
+
+@pytest.mark.parametrize("seed", [10_010, 10_011, 10_012])
+def test_plates_at_any_pose_are_localised(seed, dual, pose, photograph):
+    rng = np.random.default_rng(seed)
+    truth = pose(*rng.uniform(-12, 12, 2), rng.uniform(-8, 8), about=(*rng.uniform(-15, 15, 2), rng.uniform(0, 360)))
+    (found,) = dual.localize(photograph([truth], seed=seed), WORKSPACE).estimates
+    _, distance, angle = nearest([found], truth)
+    assert distance < 0.05
+    assert angle < 0.1
+
+
+@pytest.mark.parametrize("process", ["region", "group"])
+def test_either_extractor_works_alone_and_uses_its_own_ellipses(process, plate, scene, photograph):
+    localizer = EllipseLocalizer([plate], (process,))
+    assert localizer.name == process
+    result = localizer.localize(photograph(scene), WORKSPACE)
+    assert {f.process for view in result.features for f in view} == {process}
+    assert set(result.by_process) == {process}
+    assert len(result.estimates) == 2
+    for truth in scene:
+        best, distance, _ = nearest(result.estimates, truth)
+        assert distance < 0.1
+        assert best.process == process
+
+
+def test_dual_reports_what_each_extractor_would_have_said_alone(plate, dual, scene, photograph):
+    views = photograph(scene)
+    result = dual.localize(views, WORKSPACE)
+    assert dual.name == "dual"
+    assert set(result.by_process) == {"region", "group"}
+    for process, estimates in result.by_process.items():
+        alone = EllipseLocalizer([plate], (process,)).localize(views, WORKSPACE).estimates
+        for a, b in zip(alone, estimates, strict=True):
+            assert np.array_equal(a.T_world_part.as_matrix(), b.T_world_part.as_matrix())
+
+
+def test_one_view_gives_a_coarser_pose_that_knows_it(dual, scene, photograph):
+    one, three = (dual.localize(photograph(scene, n), WORKSPACE).estimates for n in (1, 3))
+    assert len(one) == 2
+    for truth in scene:
+        single, distance, angle = nearest(one, truth)
+        joint, _, _ = nearest(three, truth)
+        assert distance < 1.0
+        assert angle < 2.0
+        assert np.trace(single.covariance[:3, :3]) > 3 * np.trace(joint.covariance[:3, :3])
+
+
+def test_a_plate_hidden_from_one_view_is_found_by_the_others(dual, scene, photograph):
+    views = [*photograph(scene, [0, 1]), *photograph([], [2])]
+    estimates = dual.localize(views, WORKSPACE).estimates
+    for truth in scene:
+        best, distance, _ = nearest(estimates, truth)
+        assert distance < 0.1
+        assert best.views == 2
+
+
+@pytest.mark.parametrize("noise", [0.0, 3.0])
+def test_nothing_in_empty_images_is_an_answer(noise, dual, photograph):
+    result = dual.localize(photograph([], noise=noise), WORKSPACE)
+    assert result.estimates == ()
+    assert result.by_process == {"region": (), "group": ()}
+    assert len(result.features) == 3
+
+
+def test_no_views_no_estimates(dual):
+    assert dual.localize([]).estimates == ()
+
+
+def test_without_a_workspace_the_plates_are_still_found(dual, scene, photograph):
+    estimates = dual.localize(photograph(scene)).estimates
+    for truth in scene:
+        assert nearest(estimates, truth)[1] < 0.05
+
+
+def test_input_is_left_as_it_was(dual, scene, photograph):
+    views = photograph(scene)
+    before = [v.image.copy() for v in views]
+    dual.localize(views, WORKSPACE)
+    for view, image in zip(views, before, strict=True):
+        assert np.array_equal(view.image, image)
+
+
+def test_order_of_the_views_does_not_matter(dual, scene, photograph):
+    views = photograph(scene)
+    forwards, backwards = (dual.localize(v, WORKSPACE).estimates for v in (views, views[::-1]))
+    assert len(forwards) == len(backwards) == 2
+    for estimate in forwards:
+        # The same optimum, summed up in another order and approached from another start.
+        assert nearest(backwards, estimate.T_world_part)[1] < 0.01
+
+
+@pytest.mark.parametrize("arguments", [([],), ([None], ())])
+def test_a_localizer_needs_a_model_and_an_extractor(arguments):
+    with pytest.raises(InputError, match="at least one model and extractor"):
+        EllipseLocalizer(*arguments)
+
+
+def test_anything_with_a_name_that_localises_views_is_a_localizer(dual):
+    class Blind:
+        name = "blind"
+
+        def localize(self, views, workspace=None):
+            return Localization(())
+
+    assert isinstance(dual, Localizer)
+    assert isinstance(Blind(), Localizer)
+    assert not isinstance(object(), Localizer)

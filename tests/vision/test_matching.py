@@ -1,0 +1,132 @@
+"""Matching of drawn plates from the ellipses that an extractor without error would find."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from vision.candidates import Workspace
+from vision.circle_pose import project_circle
+from vision.evidence import EdgeField
+from vision.features import EllipseFeature
+from vision.matching import Matcher, MatchingParameters
+
+WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))
+
+
+def perfect(model, poses, views):
+    """The ellipses of all salient circles that face the cameras."""
+    features = []
+    for view in views:
+        circles = [f.circle.moved(T) for T in poses for f in model.salient]
+        facing = [c for c in circles if c.normal @ (view.T_world_camera.translation - c.centre) > 0]
+        ellipses = [project_circle(c, view) for c in facing]
+        features.append([EllipseFeature(e, "group", e.sample(60), 1.0, 1.0) for e in ellipses])
+    return features
+
+
+def matcher(model, views, workspace=WORKSPACE, **parameters):
+    fields = [EdgeField.from_gray(v.gray) for v in views]
+    return Matcher(views, fields, model, workspace, MatchingParameters(**parameters))
+
+
+def errors(found: RigidTransform, truth: RigidTransform, fold: int):
+    """Distance in mm and rotation in degrees, up to the plate's symmetry."""
+    turns = Rotation.from_euler("z", np.arange(fold) * 360 / fold, degrees=True)
+    angles = ((truth.rotation * turns).inv() * found.rotation).magnitude()
+    return 1e3 * np.linalg.norm(found.translation - truth.translation), np.degrees(angles.min())
+
+
+def tilt(found, truth):
+    return np.degrees(np.arccos(np.clip(found.as_matrix()[:3, 2] @ truth.as_matrix()[:3, 2], -1, 1)))
+
+
+@pytest.fixture
+def scene(pose):
+    return [pose(-33, 0, 0, about=(5, 3, 11)), pose(33, 4, 1, about=(-4, 6, 70))]
+
+
+@pytest.mark.parametrize("joint", [True, False])
+def test_every_plate_is_found_once_and_in_place(joint, plate, scene, photograph):
+    views = photograph(scene)
+    found = matcher(plate, views, joint_edges=joint).match(perfect(plate, scene, views))
+    assert len(found) == 2
+    for truth in scene:
+        nearest = min(found, key=lambda e: errors(e.T_world_part, truth, 3)[0])
+        distance, angle = errors(nearest.T_world_part, truth, 3)
+        assert distance < 0.05
+        assert angle < (0.1 if joint else 1.0)
+        assert nearest.inplane_known
+        assert nearest.views == 3
+        assert nearest.score > 0.9
+        assert nearest.part == "plate"
+        assert nearest.process == "group"
+
+
+def test_a_plate_on_its_face_is_found_so_and_its_turn_is_unknown(plate, photograph, pose):
+    truth = pose(3, 6, -2, about=(176, 7, 0))
+    views = photograph([truth])
+    (found,) = matcher(plate, views).match(perfect(plate, [truth], views))
+    assert errors(found.T_world_part, truth, 3)[0] < 0.05
+    assert tilt(found.T_world_part, truth) < 0.1
+    assert not found.inplane_known
+    about_axis = (
+        found.T_world_part.as_matrix()[:3, 2] @ found.covariance[3:, 3:] @ found.T_world_part.as_matrix()[:3, 2]
+    )
+    assert about_axis == pytest.approx(np.pi**2 / 3, rel=1e-3)
+
+
+def test_ellipses_without_edges_are_no_plates(plate, scene, photograph):
+    views = photograph([])
+    assert matcher(plate, views).match(perfect(plate, scene, views)) == []
+
+
+def test_edges_without_ellipses_are_no_plates(plate, scene, photograph):
+    assert matcher(plate, photograph(scene)).match([[], [], []]) == []
+
+
+def test_plates_outside_the_workspace_are_not_found(plate, scene, photograph):
+    views = photograph(scene)
+    left = Workspace((-0.08, -0.08, -0.03), (0.0, 0.08, 0.03))
+    (found,) = matcher(plate, views, left).match(perfect(plate, scene, views))
+    assert errors(found.T_world_part, scene[0], 3)[0] < 0.05
+
+
+def test_ellipses_that_belong_to_nothing_do_no_harm(plate, scene, photograph):
+    views = photograph(scene)
+    features = perfect(plate, scene, views)
+    rng = np.random.default_rng(10_003)
+    for found in features:
+        for _ in range(15):
+            stray = project_circle(plate.salient[rng.integers(5)].circle, views[0])
+            stray = type(stray)(stray.p + np.append(np.tile(rng.uniform(-150, 150, 2), 2), rng.uniform(5, 50)))
+            found.append(EllipseFeature(stray, "region", stray.sample(60), 0.6, 0.5))
+    found = matcher(plate, views).match(features)
+    assert len(found) == 2
+    for truth in scene:
+        assert min(errors(e.T_world_part, truth, 3)[0] for e in found) < 0.05
+
+
+def test_the_best_come_first_and_none_is_below_the_minimum(plate, scene, photograph):
+    views = photograph(scene)
+    features = perfect(plate, scene, views)
+    scores = [e.score for e in matcher(plate, views).match(features)]
+    assert scores == sorted(scores, reverse=True)
+    assert matcher(plate, views, minimum_score=1.01).match(features) == []
+
+
+def test_covariance_is_symmetric_positive_and_of_the_size_of_the_error(plate, scene, photograph):
+    views = photograph(scene)
+    for estimate in matcher(plate, views).match(perfect(plate, scene, views)):
+        assert np.allclose(estimate.covariance, estimate.covariance.T, rtol=1e-6, atol=1e-18)
+        assert (np.linalg.eigvalsh(estimate.covariance) > 0).all()
+        assert 1e-7 < np.sqrt(np.trace(estimate.covariance[:3, :3])) < 1e-4
+
+
+def test_the_same_images_give_the_same_poses(plate, scene, photograph):
+    views = photograph(scene)
+    features = perfect(plate, scene, views)
+    first, second = (matcher(plate, views).match(features) for _ in range(2))
+    for a, b in zip(first, second, strict=True):
+        assert np.array_equal(a.T_world_part.as_matrix(), b.T_world_part.as_matrix())
