@@ -102,7 +102,7 @@ class Picker:
         pieces = [
             Piece(
                 e.T_world_part,
-                _opened_grasps(e.part, config.gripper_xml, settings.approach_m),
+                opened_grasps_of(e.part, config.gripper_xml, settings.approach_m),
                 surface_points(e.part),
                 _confidence(e),
             )
@@ -227,7 +227,8 @@ def surface_points(part: str) -> Array:
 
 
 @cache
-def _opened_grasps(part: str, gripper_xml: Path, approach_m: float) -> tuple[OpenedGrasp, ...]:
+def opened_grasps_of(part: str, gripper_xml: Path, approach_m: float) -> tuple[OpenedGrasp, ...]:
+    """The taught grasps of a part that the gripper can reach past the part itself; see `opened_grasps`."""
     taught = [TaughtGrasp(g.name, g.T_part_tcp, g.width_m, g.kind, g.copies) for g in load_model(part).grasps]
     return opened_grasps(GripperGeometry.from_mjcf(gripper_xml), taught, surface_points(part), approach_m)
 

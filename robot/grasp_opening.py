@@ -57,13 +57,15 @@ def _openings(gripper: GripperGeometry, grasp: TaughtGrasp, points: Array, appro
     poses = copies_in_part(grasp)
     rotations, translations = poses.rotation.as_matrix(), np.asarray(poses.translation)
     found: list[OpenedGrasp] = []
-    most = LEAST_CLEARANCE_M
+    most = 0.0
     for margin in MARGINS_M:
         width = closed - 2 * margin if inside else closed + 2 * margin
         if not 0 <= width <= gripper.max_width_m:
             continue
         tool = swept_back(gripper.boxes(width), approach_m)
         clearance = float(points_clearance(tool, rotations, translations, points, _MOST_CLEARANCE_M).min())
+        if clearance < LEAST_CLEARANCE_M:
+            break  # what is in the way here is in the way of a wider opening when the fingers close
         if clearance > most:
             found.append(OpenedGrasp(grasp, width, closed, clearance))
             most = 1.1 * clearance

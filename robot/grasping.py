@@ -88,9 +88,9 @@ def plan_grasp(
         tries += 1
         plan = _reach(candidate, kinematics, gripper, seed, settings)
         if plan is not None and usable(plan):
-            return GraspChoice(plan, dict(rejected))
+            return GraspChoice(plan, +rejected)
         rejected["out of reach" if plan is None else "of no use"] += 1
-    return GraspChoice(None, {reason: count for reason, count in rejected.items() if count})
+    return GraspChoice(None, +rejected)
 
 
 def covered_share(points: Array, others: Array) -> float:

@@ -1,7 +1,14 @@
-"""From images to poses: edges, ellipses, matching. Knows nothing of simulators or robots."""
+"""From images to poses: edges, ellipses, matching. Knows nothing of simulators or robots.
 
-from vision.edges import EdgeMap, EdgeParameters, detect_edges
-from vision.grouping import Grouping, GroupingParameters, detect_ellipses, group_edges, group_ellipses
+The names below are imported when they are first used: ``import vision.errors`` must not load OpenCV and Numba.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from vision.edges import EdgeMap, EdgeParameters, detect_edges
+    from vision.grouping import Grouping, GroupingParameters, detect_ellipses, group_edges, group_ellipses
 
 __all__ = [
     "EdgeMap",
@@ -13,3 +20,24 @@ __all__ = [
     "group_edges",
     "group_ellipses",
 ]
+
+_HOME = {
+    "EdgeMap": "vision.edges",
+    "EdgeParameters": "vision.edges",
+    "Grouping": "vision.grouping",
+    "GroupingParameters": "vision.grouping",
+    "detect_edges": "vision.edges",
+    "detect_ellipses": "vision.grouping",
+    "group_edges": "vision.grouping",
+    "group_ellipses": "vision.grouping",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -19,7 +19,7 @@ LAYERS = {
 }
 """What is drawn over a picture: title, and the entities below the picture's own."""
 
-_FAR_TARGET = (0.41, -0.2, 0.87)
+_FAR_DISTANCE_M, _FAR_TARGET = 1.9, (0.41, -0.2, 0.87)
 _EYE_OFFSET = (2.15, 1.5, 1.0)
 _BACKGROUND = (52, 56, 62)
 
@@ -58,10 +58,10 @@ def episode_blueprint(cell: CellConfig, views: int) -> rrb.Blueprint:
 
 def _cell_view(cell: CellConfig, views: int) -> rrb.Spatial3DView:
     # The larger the camera's distance, the more of the arm is of interest; a small bin is looked at from nearby.
-    far = min(cell.camera_distance_m / 2.0, 1.0)
+    far = min(cell.camera_distance_m / _FAR_DISTANCE_M, 1.0)
     near_target = np.add(cell.bin_centre_m, (0.0, 0.0, 0.45 * cell.camera_distance_m))
-    target = near_target + far * (_FAR_TARGET - near_target)
-    eye = target + (0.3 + 0.7 * far) * np.array(_EYE_OFFSET)
+    target = near_target + far**2 * (_FAR_TARGET - near_target)
+    eye = target + (0.15 + 0.85 * far) * np.array(_EYE_OFFSET)
     # Of the drawings, the superimposed models alone stay readable on the small pictures in space.
     hidden = [
         f"- /{view_entity(index)}/{layer}/**"

@@ -203,8 +203,9 @@ class RerunLog(EpisodeObserver):
 
     def _log_charts(self, pieces: tuple[PieceRecord, ...]) -> None:
         """Errors of the pieces that were found, by the number of the piece."""
-        results = {piece.index: piece.results.get(self._config.localizer) for piece in pieces}
-        errors = {index: result.errors for index, result in results.items() if result and result.errors}
+        # The localizer's own result stands last, after those of its extractors alone.
+        results = {piece.index: list(piece.results.values())[-1] for piece in pieces}
+        errors = {index: result.errors for index, result in results.items() if result.errors}
         if not errors:
             return
         for name in ("translation_mm", "tilt_deg"):

@@ -1,3 +1,4 @@
+import itertools
 import pickle
 
 import mujoco
@@ -12,11 +13,12 @@ from benchmark.world import assets
 from benchmark.world.designs import DESIGNS
 from benchmark.world.grasps import turns_about_z
 from benchmark.world.parts import PART_NAMES, Symmetry, get_part, vertices
+from robot.gripper_geometry import GripperGeometry
 from vision.errors import InputError, ResourceError
 
 STROKE_M = 0.11
-FINGER_MM = np.array([4.0, 10.0, 60.0])  # thickness along x, width along y, length along z
-PALM_MM = np.array([160.0, 60.0, 60.0])
+GRIPPER = GripperGeometry.from_mjcf()
+FINGER_END_M = GRIPPER.left.centres[:, 2].max() + GRIPPER.left.half_sizes[GRIPPER.left.centres[:, 2].argmax(), 2]
 
 
 @pytest.fixture(scope="module", params=PART_NAMES)
@@ -38,15 +40,20 @@ def faces_of(path):
     return np.array([[int(corner.split("/")[0]) - 1 for corner in row] for row in rows])
 
 
-def fingers(grasp, T_part_tcp, extra_gap_mm=0.0):
-    """The two fingers and the palm as boxes in the part frame, in mm."""
-    gap = grasp.width_m * 1e3 + extra_gap_mm
-    offset = gap / 2 + FINGER_MM[0] / 2 * (1 if grasp.kind == "outside" else -1)
-    boxes = [(FINGER_MM, (x, 0, -FINGER_MM[2] / 2)) for x in (-offset, offset)]
-    boxes.append((PALM_MM, (0, 0, -FINGER_MM[2] - PALM_MM[2] / 2)))
-    matrix = T_part_tcp.as_matrix()[:3].copy()
-    matrix[:, 3] *= 1e3
-    return [Manifold.cube(size, True).translate(centre).transform(matrix) for size, centre in boxes]
+def gripper_on(grasp, T_part_tcp, extra_gap_mm=0.0):
+    """Left finger, right finger and palm in the part frame, in mm, each as a list of solids."""
+    gap = grasp.width_m + extra_gap_mm * 1e-3 - (2 * GRIPPER.finger_thickness_m if grasp.kind == "inside" else 0.0)
+    aside = [RigidTransform.from_translation([side * gap / 2, 0, 0]) for side in (1, -1)]
+    groups = (GRIPPER.left.moved(aside[0]), GRIPPER.right.moved(aside[1]), GRIPPER.palm)
+    return [as_solids(group.moved(T_part_tcp)) for group in groups]
+
+
+def as_solids(boxes):
+    solids = []
+    for centre, rotation, half in zip(boxes.centres, boxes.rotations, boxes.half_sizes, strict=True):
+        pose = np.column_stack([rotation, centre * 1e3])
+        solids.append(Manifold.cube(2e3 * half, True).transform(pose))
+    return solids
 
 
 def test_built_files_equal_the_committed_ones(tmp_path):
@@ -183,10 +190,10 @@ def test_grasps_touch_the_part_and_nothing_else(part, solids):
         poses = grasp.poses()
         assert len(poses) == grasp.copies
         for pose in poses:
-            for body in fingers(grasp, pose, loosen):
+            for body in itertools.chain(*gripper_on(grasp, pose, loosen)):
                 assert (body ^ solids[part.name]).volume() == pytest.approx(0, abs=1e-6), grasp.name
-            for finger in fingers(grasp, pose, -loosen)[:2]:
-                assert (finger ^ solids[part.name]).volume() > 0, grasp.name
+            for finger in gripper_on(grasp, pose, -loosen)[:2]:
+                assert sum((body ^ solids[part.name]).volume() for body in finger) > 0, grasp.name
 
 
 def test_grasps_reach_both_faces(part):
@@ -201,7 +208,7 @@ def test_fingers_stay_above_the_floor_that_the_part_lies_on(part):
     for grasp in part.grasps:
         approach = grasp.T_part_tcp.rotation.as_matrix()[2, 2]
         if abs(approach) > 0.5:
-            assert approach * grasp.T_part_tcp.translation[2] <= half_height - 0.002
+            assert approach * grasp.T_part_tcp.translation[2] + FINGER_END_M <= half_height - 0.002
 
 
 def test_grasp_axes_are_orthonormal_and_copies_start_with_the_grasp(part):

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from robot.grasping import GraspSettings, Piece, TaughtGrasp, plan_grasp
+from robot.grasp_opening import MARGINS_M, opened_grasps
+from robot.grasping import covered_share, plan_grasp
+from robot.grasps import GraspPlan, GraspSettings, OpenedGrasp, Piece, TaughtGrasp
 from robot.gripper_geometry import Boxes, GripperGeometry
 from robot.kinematics import HOME_Q, ArmKinematics
 from vision.errors import InputError
 
 DOWN = Rotation.from_euler("x", np.pi)
-OUTSIDE = TaughtGrasp("outside", RigidTransform.from_rotation(DOWN), 0.065, "outside", copies=12)
-INSIDE = TaughtGrasp("bore", RigidTransform.from_rotation(DOWN), 0.064, "inside", copies=12)
 FLOOR_Z = 0.10
 
 
@@ -29,10 +29,19 @@ def cylinder_points(radius: float, half_height: float) -> np.ndarray:
 
 
 COVER = cylinder_points(0.0325, 0.02)
+(*_, OUTSIDE), (*_, INSIDE) = (
+    opened_grasps(
+        GripperGeometry.from_mjcf(),
+        [TaughtGrasp("any", RigidTransform.from_rotation(DOWN), width, kind, copies=12)],
+        COVER,
+        0.1,
+    )
+    for kind, width in (("outside", 0.065), ("inside", 0.064))
+)
 
 
 def cover(
-    x: float, y: float, *grasps: TaughtGrasp, turn: Rotation | None = None, z: float = FLOOR_Z + 0.021
+    x: float, y: float, *grasps: OpenedGrasp, turn: Rotation | None = None, z: float = FLOOR_Z + 0.021
 ) -> Piece:
     pose = RigidTransform.from_components([x, y, z], Rotation.identity() if turn is None else turn)
     return Piece(pose, grasps, COVER)
@@ -59,7 +68,7 @@ def test_a_lone_piece_is_taken_straight_down(kinematics: ArmKinematics, geometry
     plan = choice.plan
     assert plan is not None
     assert plan.tilt_rad == pytest.approx(0, abs=1e-6)
-    assert plan.open_width_m == pytest.approx(0.065 + 2 * GraspSettings().opening_m)
+    assert plan.grasp.open_width_m == pytest.approx(0.065 + 2 * MARGINS_M[-1])
     assert plan.clearance_m > GraspSettings().min_clearance_m
     for q, pose in [
         (plan.q_pregrasp, plan.T_world_pregrasp),
@@ -76,8 +85,8 @@ def test_a_lone_piece_is_taken_straight_down(kinematics: ArmKinematics, geometry
 def test_inside_grip_enters_narrower_than_the_bore(kinematics: ArmKinematics, geometry: GripperGeometry) -> None:
     choice = plan_grasp(kinematics, geometry, [cover(0.75, 0.0, INSIDE)], BIN, HOME_Q)
     assert choice.plan is not None
-    outer = choice.plan.open_width_m + 2 * geometry.finger_thickness_m
-    assert outer == pytest.approx(0.064 - 2 * GraspSettings().opening_m)
+    outer = choice.plan.grasp.open_width_m + 2 * geometry.finger_thickness_m
+    assert outer == pytest.approx(0.064 - 2 * MARGINS_M[-1])
 
 
 def test_fingers_avoid_the_neighbours(kinematics: ArmKinematics, geometry: GripperGeometry) -> None:
@@ -107,14 +116,46 @@ def test_the_free_piece_is_preferred(kinematics: ArmKinematics, geometry: Grippe
 def test_reasons(kinematics: ArmKinematics, geometry: GripperGeometry) -> None:
     upside_down = cover(0.75, 0, OUTSIDE, turn=DOWN)
     assert plan_grasp(kinematics, geometry, [upside_down], BIN, HOME_Q).rejected == {"too tilted": 24}
-    broad = TaughtGrasp("rim", OUTSIDE.T_part_tcp, 0.24, "outside")
-    assert plan_grasp(kinematics, geometry, [cover(0.75, 0, broad)], BIN, HOME_Q).rejected == {
-        "wider than the gripper": 1
-    }
+    buried = [cover(0.75, 0, OUTSIDE), cover(0.75, 0, z=FLOOR_Z + 0.062)]
+    assert plan_grasp(kinematics, geometry, buried, BIN, HOME_Q).rejected == {"under other pieces": 1}
     far = plan_grasp(kinematics, geometry, [cover(2.5, 0, OUTSIDE)], Boxes.of(), HOME_Q, GraspSettings(max_tries=2))
     assert far.plan is None
     assert far.rejected == {"out of reach": 2, "not tried": 22}
     assert plan_grasp(kinematics, geometry, [], BIN, HOME_Q).plan is None
+
+
+def test_a_plan_of_no_use_gives_way_to_the_next(kinematics: ArmKinematics, geometry: GripperGeometry) -> None:
+    offered: list[GraspPlan] = []
+
+    def only_the_third(plan: GraspPlan) -> bool:
+        offered.append(plan)
+        return len(offered) == 3
+
+    pieces = [cover(0.75, 0.0, OUTSIDE)]
+    choice = plan_grasp(kinematics, geometry, pieces, BIN, HOME_Q, usable=only_the_third)
+    assert choice.plan is offered[2]
+    assert choice.rejected == {"of no use": 2}
+    poses = {plan.T_world_tcp.as_matrix().round(9).tobytes() for plan in offered}
+    assert len(poses) == 3
+
+
+def test_the_surer_pose_is_preferred(kinematics: ArmKinematics, geometry: GripperGeometry) -> None:
+    sure, vague = cover(0.72, 0.05, OUTSIDE), cover(0.78, -0.05, OUTSIDE)
+    vague = Piece(vague.T_world_part, vague.grasps, vague.points_part, confidence=0.3)
+    for pieces, best in (([sure, vague], 0), ([vague, sure], 1)):
+        plan = plan_grasp(kinematics, geometry, pieces, BIN, HOME_Q).plan
+        assert plan is not None
+        assert plan.piece == best
+
+
+def test_covered_share_is_what_is_seen_from_above() -> None:
+    x, y = (side.ravel() for side in np.meshgrid(np.linspace(0, 0.1, 81), np.linspace(0, 0.1, 81)))
+    plate = np.column_stack([x, y, np.zeros(len(x))])
+    over_a_quarter = plate * [0.5, 0.5, 1] + [0, 0, 0.01]
+    assert covered_share(plate, over_a_quarter) == pytest.approx(0.25, abs=0.05)
+    assert covered_share(plate, over_a_quarter - [0, 0, 0.02]) == 0
+    assert covered_share(plate, plate + np.array([0.2, 0, 0.01])) == 0
+    assert covered_share(plate, np.zeros((0, 3))) == 0
 
 
 def test_tilted_piece_is_taken_along_its_axis(kinematics: ArmKinematics, geometry: GripperGeometry) -> None:
@@ -128,7 +169,7 @@ def test_tilted_piece_is_taken_along_its_axis(kinematics: ArmKinematics, geometr
 
 def test_values_survive_pickling_and_refuse_nonsense() -> None:
     piece = pickle.loads(pickle.dumps(cover(0.75, 0, OUTSIDE)))
-    assert piece.grasps[0].kind == "outside"
+    assert piece.grasps[0].grasp.kind == "outside"
     assert not piece.points_part.flags.writeable
     with pytest.raises(InputError, match="outside or inside"):
         TaughtGrasp("x", RigidTransform.identity(), 0.01, "sideways")  # type: ignore[arg-type]

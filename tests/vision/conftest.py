@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
-from scipy.special import ndtr
 from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.special import ndtr
 
 from vision.camera import Camera, View
 from vision.circle_pose import Circle
@@ -58,7 +58,7 @@ CAMERA_POSES = tuple(
 
 
 def _paint(image: np.ndarray, T_part_camera: np.ndarray, circle: Circle, grey: float) -> None:
-    """Fill the circle, its edge blurred: where each pixel's ray meets the circle's plane is compared with its radius."""
+    """Fill the circle, its edge blurred: each pixel's ray meets its plane at some distance from its centre."""
     centre = np.linalg.inv(T_part_camera) @ [*circle.centre, 1.0]
     middle = CAMERA.project(centre[:3])[0]
     reach_px = CAMERA.fx * circle.radius_m / (centre[2] - circle.radius_m) + 10

@@ -16,7 +16,7 @@ WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))
 def nearest(estimates, truth, fold=3):
     """The estimate next to a pose, its distance in mm and its rotation in degrees up to the plate's symmetry."""
     best = min(estimates, key=lambda e: np.linalg.norm(e.T_world_part.translation - truth.translation))
-    turns = Rotation.from_euler("z", np.arange(fold) * 360 / fold, degrees=True)
+    turns = Rotation.from_rotvec(np.outer(np.arange(fold) * 2 * np.pi / fold, [0, 0, 1]))
     angles = ((truth.rotation * turns).inv() * best.T_world_part.rotation).magnitude()
     distance = np.linalg.norm(best.T_world_part.translation - truth.translation)
     return best, 1e3 * distance, np.degrees(angles.min())
@@ -144,7 +144,7 @@ def test_anything_with_a_name_that_localises_views_is_a_localizer(dual):
     class Blind:
         name = "blind"
 
-        def localize(self, views, workspace=None):
+        def localize(self, views, workspace=None):  # noqa: ARG002
             return Localization(())
 
     assert isinstance(dual, Localizer)

@@ -33,7 +33,7 @@ def matcher(model, views, workspace=WORKSPACE, **parameters):
 
 def errors(found: RigidTransform, truth: RigidTransform, fold: int):
     """Distance in mm and rotation in degrees, up to the plate's symmetry."""
-    turns = Rotation.from_euler("z", np.arange(fold) * 360 / fold, degrees=True)
+    turns = Rotation.from_rotvec(np.outer(np.arange(fold) * 2 * np.pi / fold, [0, 0, 1]))
     angles = ((truth.rotation * turns).inv() * found.rotation).magnitude()
     return 1e3 * np.linalg.norm(found.translation - truth.translation), np.degrees(angles.min())
 

@@ -1,0 +1,79 @@
+"""Real episodes, from the drop to the verdict."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmark.config import EpisodeConfig
+from benchmark.episode import EpisodeObserver, run_episode
+from benchmark.records import strip_timings, to_json
+
+pytestmark = pytest.mark.sweep
+
+SEEDS = {"hub": 10_101, "cover1": 10_102, "cover2": 10_103}
+
+
+def config(part, **changes):
+    fields = {"seed": SEEDS[part], "sensor": "lab", "localizer": "dual", "task": "none"} | changes
+    return EpisodeConfig((part,), **fields)
+
+
+@pytest.fixture(scope="module")
+def records():
+    """One finished episode of every part."""
+    return {part: run_episode(config(part)) for part in SEEDS}
+
+
+@pytest.mark.parametrize("part", SEEDS)
+def test_a_piece_is_found_within_a_millimetre(part, records):
+    record = records[part]
+    found = [p.results["dual"].errors.translation_mm for p in record.pieces if p.results["dual"].matched]
+    assert found
+    assert min(found) < 1.0
+
+
+@pytest.mark.parametrize("part", SEEDS)
+def test_the_record_tells_what_was_run_and_what_became_of_each_piece(part, records):
+    record, asked = records[part], config(part)
+    assert record.error is None
+    assert (record.key, record.seed, record.config_hash) == (asked.key, asked.seed, asked.config_hash)
+    assert len(record.pieces) == asked.pieces
+    assert record.picks == ()
+    assert set(record.false_positives) == {"region", "group", "dual"}
+    for piece in record.pieces:
+        assert set(piece.results) == {"region", "group", "dual"}
+        assert 0 <= piece.visibility <= 1
+        assert (piece.failed_stage is None) == (piece.in_bin and piece.results["dual"].matched)
+        for result in piece.results.values():
+            assert (result.errors is not None) == result.matched
+
+
+def test_the_oracle_matches_every_piece_without_error(records):
+    record = run_episode(config("cover1", localizer="oracle"))
+    assert [p.visibility for p in record.pieces] == [p.visibility for p in records["cover1"].pieces]
+    for piece in record.pieces:
+        assert piece.results["oracle"].matched
+        assert piece.results["oracle"].errors.translation_mm < 1e-6
+    assert record.false_positives == {"oracle": 0}
+
+
+def test_a_seed_gives_the_same_record_again_and_an_observer_changes_nothing(records):
+    class Notes(EpisodeObserver):
+        def __init__(self):
+            self.told = []
+
+        def begin(self, cell, config):  # noqa: ARG002
+            self.told.append("begin")
+
+        def looked(self, index, view):  # noqa: ARG002
+            self.told.append(view.name)
+
+        def localized(self, localization, verdict):
+            self.told.append(f"localized {len(localization.estimates)} {len(verdict.owner)}")
+
+    notes = Notes()
+    record = run_episode(config("cover1"), notes)
+    matched = sum(p.results["dual"].matched for p in record.pieces)
+    estimates = matched + record.false_positives["dual"]
+    assert notes.told == ["begin", "view 1", "view 2", "view 3", f"localized {estimates} {estimates}"]
+    assert to_json(strip_timings(record)) == to_json(strip_timings(records["cover1"]))
