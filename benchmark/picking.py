@@ -33,7 +33,7 @@ from vision.pose import PoseEstimate
 Array = NDArray[np.float64]
 
 WALL_THICKNESS_M = 0.01
-GRIP_FORCE_PER_WEIGHT = 12.0  # friction 0.8 on two fingers, and accelerations
+GRIP_FORCE_PER_WEIGHT = 40.0  # friction 0.8 on two edges in a bore, while the arm speeds up and brakes
 LEAST_GRIP_FORCE_N = 6.0
 GRIP_TIMEOUT_S = 1.2
 GRIP_SETTLE_S = 0.05
@@ -53,7 +53,7 @@ class PickOutcome:
     Attributes:
         estimate: index of the estimate that was to be picked, None when no way was found.
         succeeded: the piece lies in the tray.
-        failed_stage: ``plan``, ``approach``, ``grip``, ``lift`` or ``place``; None on success.
+        failed_stage: ``plan``, ``grip``, ``lift`` or ``place``; None on success.
         grasp: name of the grasp.
         body: index of the piece that was held after the lift, None for none.
     """

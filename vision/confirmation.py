@@ -116,7 +116,7 @@ class SceneEdges:
         self, T_world_part: Array, contour: ModelContour, reach_px: float, sigma_px: float = 0.3
     ) -> Observations:
         """Sub-pixel edges along the visible circles of a posed model, claimed ones left out."""
-        blocks: list[tuple[NDArray[np.intp], Array, Array, Array]] = []
+        blocks: list[tuple[NDArray[np.intp], Array, Array, Array, NDArray[np.intp]]] = []
         for v, (view, field) in enumerate(zip(self.views, self.fields, strict=True)):
             projection = contour.project(T_world_part, view)
             free = field.inside(projection.pixels) & ~self._is_claimed(v, projection.pixels)
@@ -124,10 +124,11 @@ class SceneEdges:
             offsets, _ = field.measure(pixels, normals, reach_px)
             found = np.isfinite(offsets)
             seen = pixels[found] + offsets[found, None] * normals[found]
-            points = contour.points[projection.index[free][found]]
-            blocks.append((np.full(len(seen), v, np.intp), points, seen, normals[found]))
-        view_index, points, pixels, normals = (np.concatenate([b[k] for b in blocks]) for k in range(4))
-        return Observations(view_index, points, pixels, normals, np.full(len(view_index), sigma_px))
+            index = projection.index[free][found]
+            of_view = np.full(len(seen), v, np.intp)
+            blocks.append((of_view, contour.points[index], seen, normals[found], contour.circle[index]))
+        view_index, points, pixels, normals, circle = (np.concatenate([b[k] for b in blocks]) for k in range(5))
+        return Observations(view_index, points, pixels, normals, np.full(len(view_index), sigma_px), circle)
 
     def claim(self, T_world_part: Array, contour: ModelContour, width_px: int = 2) -> None:
         """Mark the edges that a part explains as its own."""

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from vision.edges import EdgeMap, EdgeParameters, as_gray, detect_edges
 from vision.ellipse import Ellipse, overlap
 from vision.ellipse_filter import FilterParameters, FilterResult, distances, fit_ellipse, unshrink
+from vision.ellipse_score import COVERAGE, SCORE
+from vision.ellipse_support import edge_field
 from vision.errors import InputError
 from vision.features import EllipseFeature
 from vision.fragments import Fragment, FragmentParameters, FragmentTable, extract_fragments
 from vision.hypotheses import PairConstraints, Representatives, fit_hypotheses, pair_fragments, representatives
-from vision.verification import COVERAGE, SCORE, select_survivors, verify_hypotheses
+from vision.verification import select_survivors, verify_hypotheses
 
 Array = NDArray[np.float64]
 
@@ -150,9 +152,10 @@ def group_edges(
         parameters.max_error_px,
         *size,
     )
-    ps, quality = verify_hypotheses(ps, groups, edges, points, limits)
+    edge_points = edge_field(edges, table)
+    ps, quality = verify_hypotheses(ps, groups, edge_points, points, limits)
     order = np.argsort(-quality[:, SCORE], kind="stable")
-    chosen, numbers, quality = select_survivors(ps, order, edges, limits)
+    chosen, numbers, quality = select_survivors(ps, order, edge_points, limits)
     features = _filter_survivors(ps[chosen], numbers, quality, edges, parameters)
     return Grouping(edges, table, tuple(features), parameters.tolerance_px)
 

@@ -205,12 +205,13 @@ class Matcher:
             model = np.column_stack([direction * self.circles.radius[k], height])
             tangent = np.cross(normal_part, np.column_stack([direction, np.zeros(len(direction))]))
             normals = _image_normals(model, tangent, np.linalg.inv(T_part_camera), camera.fx, camera.fy)
-            blocks.append((np.full(len(pixels), v, np.intp), model, pixels, normals))
+            of_view, of_circle = (np.full(len(pixels), number, np.intp) for number in (v, k))
+            blocks.append((of_view, model, pixels, normals, of_circle))
         if not blocks:
-            empty = np.empty((0, 2))
-            return Observations(np.empty(0, np.intp), np.empty((0, 3)), empty, empty, np.empty(0))
-        view, model, pixels, normals = (np.concatenate([b[j] for b in blocks]) for j in range(4))
-        return Observations(view, model, pixels, normals, np.full(len(view), 0.3))
+            none, flat = np.empty(0, np.intp), np.empty((0, 2))
+            return Observations(none, np.empty((0, 3)), flat, flat, np.empty(0), none)
+        view, model, pixels, normals, circle = (np.concatenate([b[j] for b in blocks]) for j in range(5))
+        return Observations(view, model, pixels, normals, np.full(len(view), 0.3), circle)
 
     def _accept(self, pool: list[_Candidate], scene: SceneEdges, contour: ModelContour) -> list[PoseEstimate]:
         """Greedily accept the best supported candidate, let it claim its edges, and weigh the rest again."""

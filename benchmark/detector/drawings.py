@@ -14,12 +14,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.detector.photographs import PHOTOGRAPHIC, compose, defocus
 from vision.ellipse import Ellipse
 from vision.errors import InputError
 
 Array = NDArray[np.float64]
 
-CATEGORIES = ("complete", "concentric", "occluded", "small", "low_contrast", "clutter")
+PLAIN = ("complete", "concentric", "occluded", "small", "low_contrast", "clutter")
+CATEGORIES = (*PLAIN, *PHOTOGRAPHIC)
 SPLITS = {"tune": 0, "test": 1_000_000}  # first seed of each
 _ASKED_SHARE, _TOLERATED_SHARE = 0.5, 0.2  # of the circumference that has contrast
 _VISIBLE_CONTRAST = 8.0  # grey levels
@@ -51,6 +53,25 @@ def draw(split: str, category: str, number: int) -> Drawing:
     if split not in SPLITS or category not in CATEGORIES:
         raise InputError("drawing", got=(split, category), expected=f"a split of {list(SPLITS)}, one of {CATEGORIES}")
     rng = np.random.default_rng([SPLITS[split] + number, CATEGORIES.index(category)])
+    if category in PHOTOGRAPHIC:
+        canvas, seen = compose(rng, category)
+        ellipses, shares = [e for e, _ in seen], [share for _, share in seen]
+    else:
+        canvas, ellipses, shares = _draw_plain(rng, category)
+    if rng.random() < 0.6:
+        canvas, ellipses = _bend(rng, canvas, ellipses)
+    if category in PHOTOGRAPHIC:
+        canvas = defocus(rng, canvas)
+    return Drawing(
+        _photograph(rng, canvas),
+        tuple(e for e, share in zip(ellipses, shares, strict=True) if share >= _ASKED_SHARE),
+        tuple(e for e, share in zip(ellipses, shares, strict=True) if _TOLERATED_SHARE <= share < _ASKED_SHARE),
+        category,
+    )
+
+
+def _draw_plain(rng: np.random.Generator, category: str) -> tuple[Array, list[Ellipse], list[float]]:
+    """Flat ellipses among straight and textured clutter: the canvas, the ellipses, and their visible shares."""
     size = (int(rng.integers(300, 800)), int(rng.integers(300, 1000)))
     canvas = _background(rng, size)
     _clutter(rng, canvas, int(rng.integers(5, 30 if category != "clutter" else 60)))
@@ -60,15 +81,7 @@ def draw(split: str, category: str, number: int) -> Drawing:
             ellipses += _place(rng, canvas, category, ellipses)
     if category == "occluded":
         _clutter(rng, canvas, int(rng.integers(6, 14)))
-    shares = [_visible_share(canvas, ellipse) for ellipse in ellipses]
-    if rng.random() < 0.6:
-        canvas, ellipses = _bend(rng, canvas, ellipses)
-    return Drawing(
-        _photograph(rng, canvas),
-        tuple(e for e, share in zip(ellipses, shares, strict=True) if share >= _ASKED_SHARE),
-        tuple(e for e, share in zip(ellipses, shares, strict=True) if _TOLERATED_SHARE <= share < _ASKED_SHARE),
-        category,
-    )
+    return canvas, ellipses, [_visible_share(canvas, ellipse) for ellipse in ellipses]
 
 
 def _bend(rng: np.random.Generator, canvas: Array, ellipses: list[Ellipse]) -> tuple[Array, list[Ellipse]]:

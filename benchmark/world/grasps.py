@@ -20,6 +20,7 @@ from vision.errors import InputError
 FINGER_WIDTH_MM = 10.0
 TCP_BEHIND_ENDS_MM = 5.0
 FREE_TURNS = 12  # copies of a grasp that may turn freely about z
+SIDE_TURNS = 24  # of one from the side: with fewer, none is upright enough to stay off the floor
 
 Kind = Literal["outside", "inside"]
 Vector = Sequence[float] | NDArray[np.float64]
@@ -83,7 +84,7 @@ def _cover1() -> tuple[Grasp, ...]:
         _grasp("outside_front", (0.0, 0.0, -4.5), FRONT, X, 30.0, "outside", FREE_TURNS),
         _grasp("outside_back", (0.0, 0.0, 3.5), BACK, X, 30.0, "outside", FREE_TURNS),
         *_wall("wall_back", 13.4, 15.0, -2.5, azimuth=0.0, copies=FREE_TURNS),
-        *_radial("side", -9.0, -1.4, 0.0, opening="tangential", gap=30.0, copies=FREE_TURNS),
+        *_radial("side", -9.0, -1.4, 0.0, opening="tangential", gap=30.0, copies=SIDE_TURNS),
         _grasp("boss_front", (0.0, 0.0, 5.1), FRONT, X, 16.0, "outside", FREE_TURNS),
     )
 

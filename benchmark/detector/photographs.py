@@ -1,0 +1,69 @@
+"""Drawn scenes that come close to photographs: things of ``objects.py`` on the backgrounds of ``surfaces.py``."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.detector.objects import NOBODY, Picture, add_object, random_outline
+from benchmark.detector.surfaces import dead_leaves, leaf, textured
+from vision.ellipse import Ellipse
+
+Array = NDArray[np.float64]
+
+PHOTOGRAPHIC = ("thin", "cut", "soft", "scene")
+
+
+def compose(rng: np.random.Generator, category: str) -> tuple[Array, list[tuple[Ellipse, float]]]:
+    """A scene of one of the photographic categories.
+
+    Args:
+        rng: all randomness comes from here.
+        category: 'thin' (axes 1:5 to 1:2.5), 'cut' (by the border), 'soft' (contours of several pixels), or 'scene'
+            (everything together, with things in front).
+
+    Returns:
+        The clean picture (H, W), and every elliptic outline with its visible share.
+    """
+    size = (int(rng.integers(300, 700)), int(rng.integers(400, 900)))
+    picture = Picture.on(dead_leaves(rng, size, int(np.exp(rng.uniform(np.log(8), np.log(150))))))
+    reach = (14.0, 0.4 * min(size))
+    placed: list[Ellipse] = []
+    for _ in range(int(rng.integers(2, 8))):
+        ratio = (0.2, 0.4) if category == "thin" else (0.35, 1.0)
+        cut = category == "cut" or (category == "scene" and rng.random() < 0.15)
+        outline = random_outline(rng, size, (25.0, reach[1]) if category == "thin" else reach, ratio, cut)
+        crowd = 0.5 if category == "scene" else 0.9
+        if any(
+            np.hypot(*(e.centre - outline.centre)) < crowd * (e.semi_axes[0] + outline.semi_axes[0]) for e in placed
+        ):
+            continue
+        placed.append(outline)
+        add_object(rng, picture, outline, soft=category == "soft")
+    if category == "scene":
+        for outline in placed:
+            if rng.random() < 0.5:
+                _occlude(rng, picture, outline)
+    return picture.canvas, [(e, picture.visible_share(e, number)) for e, number in picture.outlines]
+
+
+def defocus(rng: np.random.Generator, canvas: Array) -> Array:
+    """Blur of one or several pixels, now and then by a disc or along a line instead of a Gaussian."""
+    kind = rng.random()
+    if kind < 0.7:
+        return np.asarray(cv2.GaussianBlur(canvas, (0, 0), float(rng.uniform(0.5, 2.0))))
+    kernel = np.zeros((9, 9))
+    if kind < 0.85:
+        cv2.circle(kernel, (4, 4), int(rng.integers(1, 4)), 1.0, -1)
+    else:
+        kernel[4, 4 - int(rng.integers(1, 3)) : 5 + int(rng.integers(1, 3))] = 1.0
+    return np.asarray(cv2.filter2D(canvas, -1, kernel / kernel.sum()))
+
+
+def _occlude(rng: np.random.Generator, picture: Picture, outline: Ellipse) -> None:
+    """Put a textured leaf across a part of an outline."""
+    at = outline.sample(64)[int(rng.integers(64))]
+    cover = leaf(rng, picture.canvas.shape, at, rng.uniform(0.3, 0.9) * outline.semi_axes[0])
+    surface = textured(rng, picture.canvas.shape, rng.uniform(10, 245), float(rng.choice([0.0, 4.0, 15.0])))
+    picture.paint(cover, surface, NOBODY)

@@ -1,0 +1,177 @@
+"""The outline of an ellipse against the edges of an image: which edge points support it, and refinement by them.
+
+The outline is walked in steps of its eccentric angle. A step is supported where an edge point lies close by with its
+gradient square to the outline. Support counts in runs of neighbouring steps only, because texture supports any
+curve in specks.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from vision.edges import EdgeMap
+from vision.fragments import FragmentTable
+from vision.hypotheses import solve5
+
+Array = NDArray[np.float64]
+
+STEP_PX, MIN_STEPS, MAX_STEPS = 1.5, 32, 512
+OUTSIDE = -2  # the step lies outside the image
+NOTHING = -1  # no edge supports the step
+
+
+class EdgeField(NamedTuple):
+    """The edges of an image as the compiled functions read them.
+
+    Attributes:
+        index: (H, W) number of the edge point in a pixel, or -1.
+        points: (N, 2) positions.
+        gradients: (N, 2) unit gradients.
+        magnitudes: (N,) gradient magnitudes, grey levels per pixel.
+        chain: (N,) number of the chain of every point.
+        fragment: (N,) number of the fragment of every point, or -1.
+        chain_points: (C,) number of points of every chain.
+        fragment_points: (F,) number of points of every fragment.
+    """
+
+    index: NDArray[np.int32]
+    points: Array
+    gradients: Array
+    magnitudes: Array
+    chain: NDArray[np.int64]
+    fragment: NDArray[np.int64]
+    chain_points: NDArray[np.int64]
+    fragment_points: NDArray[np.int64]
+
+
+def edge_field(edges: EdgeMap, table: FragmentTable) -> EdgeField:
+    """Gather what the compiled functions need of an image's edges and fragments."""
+    chain_points = np.diff(edges.offsets)
+    fragment = np.full(len(edges.points), -1, np.int64)
+    for number, (start, stop) in enumerate(zip(table.start, table.stop, strict=True)):
+        fragment[start:stop] = number
+    return EdgeField(
+        edges.index,
+        edges.points,
+        edges.gradients,
+        edges.magnitudes,
+        np.repeat(np.arange(len(chain_points)), chain_points),
+        fragment,
+        chain_points,
+        table.stop - table.start,
+    )
+
+
+@njit(cache=True)
+def axes(p):  # type: ignore[no-untyped-def]
+    """Centre, semi-axes, and direction of the major axis of the focal parameters p."""
+    dx, dy = 0.5 * (p[0] - p[2]), 0.5 * (p[1] - p[3])
+    focal = np.hypot(dx, dy)
+    major = 0.5 * p[4]
+    minor = np.sqrt(max(major * major - focal * focal, 1e-6))
+    cos, sin = (dx / focal, dy / focal) if focal > 1e-9 else (1.0, 0.0)
+    return 0.5 * (p[0] + p[2]), 0.5 * (p[1] + p[3]), major, minor, cos, sin
+
+
+@njit(cache=True)
+def _nearest_edge(edges, used, bx, by, nx, ny, tolerance, agreement):  # type: ignore[no-untyped-def]
+    """Number of an unused edge point that lies across the outline at a boundary point, or -1; nearest first."""
+    index, points, gradients = edges.index, edges.points, edges.gradients
+    for step in range(2 * int(np.ceil(tolerance)) + 1):
+        offset = (step + 1) // 2 * (1 if step % 2 else -1)
+        k = index[int(by + offset * ny + 0.5), int(bx + offset * nx + 0.5)]
+        if k < 0 or used[k] or abs(gradients[k, 0] * nx + gradients[k, 1] * ny) < agreement:
+            continue
+        if abs((points[k, 0] - bx) * nx + (points[k, 1] - by) * ny) <= tolerance:
+            return k
+    return NOTHING
+
+
+@njit(cache=True)
+def gather(p, edges, used, tolerance, agreement, max_steps, hits):  # type: ignore[no-untyped-def]
+    """Walk the outline of p; write the supporting edge point of every step (or -1, -2) and return the steps."""
+    height, width = edges.index.shape
+    cx, cy, major, minor, cos, sin = axes(p)
+    perimeter = np.pi * (3 * (major + minor) - np.sqrt((3 * major + minor) * (major + 3 * minor)))
+    steps = int(min(max(perimeter / STEP_PX, MIN_STEPS), max_steps))
+    margin = np.ceil(tolerance) + 0.5
+    ct, st = 1.0, 0.0
+    cos_step, sin_step = np.cos(2 * np.pi / steps), np.sin(2 * np.pi / steps)
+    for k in range(steps):
+        bx, by = cx + major * ct * cos - minor * st * sin, cy + major * ct * sin + minor * st * cos
+        if bx < margin or by < margin or bx > width - 1 - margin or by > height - 1 - margin:
+            hits[k] = OUTSIDE
+        else:
+            nx, ny = minor * ct * cos - major * st * sin, minor * ct * sin + major * st * cos
+            norm = np.sqrt(nx * nx + ny * ny)
+            hits[k] = _nearest_edge(edges, used, bx, by, nx / norm, ny / norm, tolerance, agreement)
+        ct, st = ct * cos_step - st * sin_step, st * cos_step + ct * sin_step
+    return steps
+
+
+@njit(cache=True)
+def drop_short_runs(hits, steps, min_run):  # type: ignore[no-untyped-def]
+    """Forget supported steps in circular runs shorter than min_run; single holes do not end a run."""
+    start = 0
+    while start < steps and hits[start] >= 0:
+        start += 1
+    if start == steps:
+        return
+    run, run_start = 0, 0
+    for offset in range(1, steps + 1):
+        k = (start + offset) % steps
+        if hits[k] >= 0:
+            run_start = offset if run == 0 else run_start
+            run += 1
+        elif run > 0 and (offset == steps or hits[(k + 1) % steps] < 0):
+            for q in range(run_start, offset):
+                if run < min_run and hits[(start + q) % steps] >= 0:
+                    hits[(start + q) % steps] = NOTHING
+            run = 0
+
+
+@njit(cache=True)
+def refine(p, edges, hits, steps, iterations):  # type: ignore[no-untyped-def]
+    """Damped Gauss-Newton steps on the distances of the supporting points, outliers weighed down; in place."""
+    points = edges.points
+    matrix, right, row = np.zeros((5, 5)), np.zeros(5), np.zeros(5)
+    for _ in range(iterations):
+        matrix[:], right[:] = 0.0, 0.0
+        for k in range(steps):
+            j = hits[k]
+            if j < 0 or (k > 0 and hits[k - 1] == j):
+                continue
+            ax, ay, bx, by = points[j, 0] - p[0], points[j, 1] - p[1], points[j, 0] - p[2], points[j, 1] - p[3]
+            s1, s2 = max(np.hypot(ax, ay), 1e-9), max(np.hypot(bx, by), 1e-9)
+            slope = max(np.hypot(ax / s1 + bx / s2, ay / s1 + by / s2), 1e-3)
+            distance = (s1 + s2 - p[4]) / slope
+            weight = 1 / (1 + distance * distance)
+            row[0], row[1], row[2], row[3] = -ax / s1 / slope, -ay / s1 / slope, -bx / s2 / slope, -by / s2 / slope
+            row[4] = -1 / slope
+            for i in range(5):
+                right[i] -= weight * row[i] * distance
+                for q in range(i + 1):
+                    matrix[i, q] += weight * row[i] * row[q]
+        for i in range(5):
+            matrix[i, i] += 1e-3 * matrix[i, i] + 1e-9
+        if not solve5(matrix, right):
+            return False
+        for i in range(5):
+            p[i] += right[i]
+        if not p[4] > 1.0 or p[4] ** 2 - (p[0] - p[2]) ** 2 - (p[1] - p[3]) ** 2 < 1e-3 * p[4] ** 2:
+            return False
+    return True
+
+
+@njit(cache=True)
+def supported_share(hits, steps):  # type: ignore[no-untyped-def]
+    """Share of supported steps among those inside the image."""
+    supported, visible = 0, 0
+    for k in range(steps):
+        supported += hits[k] >= 0
+        visible += hits[k] != OUTSIDE
+    return supported / max(visible, 1)
