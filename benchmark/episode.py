@@ -100,7 +100,9 @@ def run_episode(config: EpisodeConfig, observer: EpisodeObserver | None = None) 
         sight = _look(cell, config, sensor_rng, watch, observer, on_step)
         pieces = _true_pieces(cell, dropped, sight)
         localizer = make_localizer(
-            config.localizer, [load_model(p) for p in config.parts], lambda: [(p.part, p.T_world_part) for p in pieces]
+            config.localizer,
+            [load_model(p) for p in config.parts],
+            lambda: [(p.part, p.T_world_part) for p in pieces],
         )
         with watch.stage("vision"):
             localization = localizer.localize(sight.views, workspace(cell.config))

@@ -102,9 +102,7 @@ def assign_estimates(estimates: Sequence[PoseEstimate], pieces: Sequence[TruePie
     def cost(estimate: PoseEstimate, piece: TruePiece) -> float:
         if estimate.part != piece.part:
             return float("inf")
-        return mssd_mm(
-            estimate.T_world_part, piece.T_world_part, get_part(piece.part).symmetry, _hull(piece.part)
-        )
+        return mssd_mm(estimate.T_world_part, piece.T_world_part, get_part(piece.part).symmetry, _hull(piece.part))
 
     return assign(estimates, pieces, cost, lambda piece: match_limit_mm(get_part(piece.part).diameter_m))
 
@@ -137,8 +135,7 @@ def _best_overlap(expected: Ellipse, found: Sequence[EllipseFeature]) -> float:
     near = [
         f.ellipse
         for f in found
-        if np.hypot(*(f.ellipse.centre - expected.centre)) < 0.3 * size
-        and 0.7 < f.ellipse.semi_axes[0] / size < 1.4
+        if np.hypot(*(f.ellipse.centre - expected.centre)) < 0.3 * size and 0.7 < f.ellipse.semi_axes[0] / size < 1.4
     ]
     return max((overlap(expected, e) for e in near), default=0.0)
 

@@ -7,7 +7,7 @@ the part's rims, the hand adds an error to every click; the vision system gets t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,8 @@ from vision.camera import View
 from vision.circle_pose import Circle, project_circle
 from vision.evidence import EdgeField
 from vision.localizer import extract_features
-from vision.teaching.lesson import Lesson, TaughtFeature, acquire
-from vision.vision_model import BoreCoordinates, GraspCoordinates, VisionModel
+from vision.teaching.lesson import Lesson, TaughtFeature, acquire, locate
+from vision.vision_model import BoreCoordinates, GraspCoordinates, Role, VisionModel
 
 Array = NDArray[np.float64]
 
@@ -28,6 +28,7 @@ SMALLEST_RADIUS_PX = 4.0
 SMALLEST_FACING_COSINE = 0.35
 FAINTEST_EDGE = 2.0  # grey levels per pixel of the smoothed picture
 CLOSEST_PX = 5.0
+LARGEST_RESIDUAL_PX = 1.0
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,25 @@ def mark_features(part: Part, views: Sequence[View], studio: Studio, operator: O
     for rim in _told_apart({rim: seen for rim, seen in shown.items() if len(seen) >= 2}, views, edges):
         numbers = list(shown[rim])[: operator.views]
         clicks = {number: _click(shown[rim][number], views[number], operator, rng) for number in numbers}
-        features.append(TaughtFeature(rim.name, "supporting" if rim.offset_m else "salient", clicks, rim.copies))
+        role: Role = "supporting" if rim.offset_m else "salient"
+        feature = _made_consistent(TaughtFeature(rim.name, role, clicks, rim.copies), views, edges)
+        if feature is not None:
+            features.append(feature)
     return tuple(features)
+
+
+def _made_consistent(
+    feature: TaughtFeature, views: Sequence[View], edges: Sequence[EdgeField]
+) -> TaughtFeature | None:
+    """Unmark the views that the system calls inconsistent, the worst first; give a feature up at less than two."""
+    clicks = dict(feature.clicks)
+    while len(clicks) >= 2:
+        circle = locate(replace(feature, clicks=clicks), views, edges)
+        wrong = circle.inconsistent(LARGEST_RESIDUAL_PX)
+        if not wrong:
+            return replace(feature, clicks=clicks)
+        del clicks[max(wrong, key=lambda number: circle.residual_px[number])]
+    return None
 
 
 def _circle(rim: Rim) -> Circle:

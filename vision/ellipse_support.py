@@ -14,7 +14,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.edges import EdgeMap
-from vision.fragments import FragmentTable
 from vision.hypotheses import solve5
 
 Array = NDArray[np.float64]
@@ -31,39 +30,22 @@ class EdgeField(NamedTuple):
         index: (H, W) number of the edge point in a pixel, or -1.
         points: (N, 2) positions.
         gradients: (N, 2) unit gradients.
-        magnitudes: (N,) gradient magnitudes, grey levels per pixel.
         chain: (N,) number of the chain of every point.
-        fragment: (N,) number of the fragment of every point, or -1.
         chain_points: (C,) number of points of every chain.
-        fragment_points: (F,) number of points of every fragment.
     """
 
     index: NDArray[np.int32]
     points: Array
     gradients: Array
-    magnitudes: Array
     chain: NDArray[np.int64]
-    fragment: NDArray[np.int64]
     chain_points: NDArray[np.int64]
-    fragment_points: NDArray[np.int64]
 
-
-def edge_field(edges: EdgeMap, table: FragmentTable) -> EdgeField:
-    """Gather what the compiled functions need of an image's edges and fragments."""
-    chain_points = np.diff(edges.offsets)
-    fragment = np.full(len(edges.points), -1, np.int64)
-    for number, (start, stop) in enumerate(zip(table.start, table.stop, strict=True)):
-        fragment[start:stop] = number
-    return EdgeField(
-        edges.index,
-        edges.points,
-        edges.gradients,
-        edges.magnitudes,
-        np.repeat(np.arange(len(chain_points)), chain_points),
-        fragment,
-        chain_points,
-        table.stop - table.start,
-    )
+    @classmethod
+    def of(cls, edges: EdgeMap) -> EdgeField:
+        """What the compiled functions need of an image's edges."""
+        chain_points = np.diff(edges.offsets)
+        chain = np.repeat(np.arange(len(chain_points)), chain_points)
+        return cls(edges.index, edges.points, edges.gradients, chain, chain_points)
 
 
 @njit(cache=True)

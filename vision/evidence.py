@@ -73,7 +73,8 @@ class EdgeField:
         """Grey levels per pixel (N,) along unit normals (N, 2) at points (N, 2); NaN outside the image."""
         ahead, behind = (points + sign * 0.5 * normals for sign in (1, -1))
         values = [
-            cv2.remap(self.smooth, *np.float32(p).T[:, :, None], cv2.INTER_LINEAR)[:, 0] for p in (ahead, behind)
+            cv2.remap(self.smooth, *p.astype(np.float32).T[:, :, None], cv2.INTER_LINEAR)[:, 0]
+            for p in (ahead, behind)
         ]
         return np.where(self.inside(points, 1.0), values[0] - values[1], np.nan)
 
@@ -94,8 +95,8 @@ class EdgeField:
         """Sub-pixel position of the edge along each normal.
 
         The intensity profile across the contour is differentiated; among the extrema of the slope that exceed
-        ``minimum_slope`` the one is taken whose strength, discounted by its distance, is greatest, and a parabola
-        gives its position.
+        ``minimum_slope`` the one is taken whose strength, discounted by its distance, is greatest. A parabola through
+        the logarithm of the slope, exact where a step was blurred by a Gaussian, gives its position.
 
         Args:
             points: (N, 2) pixels.
@@ -109,28 +110,29 @@ class EdgeField:
         if len(points) == 0:
             return np.empty(0), np.empty(0)
         step = 0.5
-        half = int(np.ceil(reach_px / step)) + 1
+        half = int(np.ceil(reach_px / step)) + 3
         offsets = np.arange(-half, half + 1) * step
         where = points[:, None, :] + offsets[None, :, None] * normals[:, None, :]
         good = np.isfinite(where).all(axis=(1, 2))
         where = np.where(good[:, None, None], where, 0).astype(np.float32)
-        profile = cv2.remap(
-            self.smooth, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        profile = np.asarray(
+            cv2.remap(self.smooth, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         )
         slope = np.zeros_like(profile)
-        slope[:, 1:-1] = (profile[:, 2:] - profile[:, :-2]) / (2 * step)
+        # Over two pixels: a shorter difference of linearly interpolated values depends on where the pixels lie.
+        slope[:, 2:-2] = (profile[:, 4:] - profile[:, :-4]) / (4 * step)
         strength = np.abs(slope)
         peak = np.zeros(strength.shape, bool)
         peak[:, 1:-1] = (strength[:, 1:-1] >= strength[:, :-2]) & (strength[:, 1:-1] > strength[:, 2:])
         peak &= strength > minimum_slope
-        peak[:, [0, 1, -2, -1]] = False
+        peak[:, np.abs(offsets) > reach_px - 0.5] = False
         discounted = np.where(peak, strength * np.exp(-0.5 * (offsets / max(reach_px / 1.5, 0.5)) ** 2), 0)
         best = discounted.argmax(axis=1)
         rows = np.arange(len(points))
         found = good & peak[rows, best]
-        centre = np.clip(best, 1, len(offsets) - 2)
-        before, at, after = (strength[rows, centre + k].astype(float) for k in (-1, 0, 1))
+        centre = np.clip(best, 2, len(offsets) - 3)
+        before, at, after = (np.log(np.maximum(strength[rows, centre + k].astype(float), 1e-3)) for k in (-2, 0, 2))
         curvature = before - 2 * at + after
         shift = np.where(curvature < 0, 0.5 * (before - after) / np.where(curvature < 0, curvature, 1), 0)
-        measured = offsets[best] + np.clip(shift, -1, 1) * step
+        measured = offsets[best] + np.clip(shift, -1, 1) * 2 * step
         return np.where(found, measured, np.nan), slope[rows, best].astype(float)

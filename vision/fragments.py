@@ -38,8 +38,8 @@ class FragmentParameters:
     tolerance_px: float = 0.7
     corner_factor: float = 3.0
     min_length_px: float = 10.0
-    min_turn_rad: float = 0.2
-    min_sagitta_px: float = 0.8
+    min_turn_rad: float = 0.12
+    min_sagitta_px: float = 0.6
     grey_offset_px: float = 3.0
 
     def __post_init__(self) -> None:

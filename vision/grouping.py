@@ -11,7 +11,7 @@ from vision.edges import EdgeMap, EdgeParameters, as_gray, detect_edges
 from vision.ellipse import Ellipse, overlap
 from vision.ellipse_filter import FilterParameters, FilterResult, distances, fit_ellipse, unshrink
 from vision.ellipse_score import COVERAGE, SCORE
-from vision.ellipse_support import edge_field
+from vision.ellipse_support import EdgeField
 from vision.errors import InputError
 from vision.features import EllipseFeature
 from vision.fragments import Fragment, FragmentParameters, FragmentTable, extract_fragments
@@ -39,7 +39,8 @@ class GroupingParameters:
         max_error_px: the same of the supporting points; also the limit of the paper's fitting error.
         min_coverage: least share of the circumference that edges support.
         min_score: least score of a detection, see :func:`detect_ellipses`.
-        min_overlap: ellipses that overlap by more than this are one.
+        min_overlap: ellipses that overlap by more than this are one,
+        max_apart_px: unless their outlines are further apart than this somewhere.
         max_hypotheses: bound on the number of pairs; the longest are kept.
     """
 
@@ -51,12 +52,13 @@ class GroupingParameters:
     grey_tolerance: float = 20.0
     tolerance_px: float = 1.5
     max_direction_error_rad: float = 0.4
-    max_pair_error_px: float = 1.2
+    max_pair_error_px: float = 2.0
     min_share: float = 0.08
     max_error_px: float = 0.9
-    min_coverage: float = 0.4
-    min_score: float = 0.3
-    min_overlap: float = 0.9
+    min_coverage: float = 0.3
+    min_score: float = 0.35
+    min_overlap: float = 0.85
+    max_apart_px: float = np.inf
     max_hypotheses: int = 1200
 
     def __post_init__(self) -> None:
@@ -64,6 +66,11 @@ class GroupingParameters:
             raise InputError("size_px", got=self.size_px, expected="0 < smallest <= largest semi-major axis")
         if not 0 <= self.min_coverage <= 1:
             raise InputError("min_coverage", got=self.min_coverage, expected="a share from 0 to 1")
+
+    @classmethod
+    def for_model(cls) -> GroupingParameters:
+        """For matching with a vision model: both edges of a thin rim are kept, and doubtful ellipses too."""
+        return cls(min_score=0.2, min_overlap=0.9, max_apart_px=1.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +104,8 @@ class Grouping:
 def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | None = None) -> Array:
     """Find the ellipses in a photograph.
 
-    The order is that of a score in [0, 1]: the probability of a true ellipse by a logistic model of coverage, fitting
-    error, direction error, size and length of the support (see ``vision/verification.py``).
+    The order is that of a score in [0, 1]: the probability of a true ellipse by a logistic model of coverage,
+    accuracy, size and surroundings (see ``vision/ellipse_score.py``).
 
     Args:
         gray: (H, W) uint8 grey levels; (H, W, 3) RGB is converted.
@@ -152,10 +159,10 @@ def group_edges(
         parameters.max_error_px,
         *size,
     )
-    edge_points = edge_field(edges, table)
-    ps, quality = verify_hypotheses(ps, groups, edge_points, points, limits)
+    edge_field = EdgeField.of(edges)
+    ps, quality = verify_hypotheses(ps, groups, edge_field, points, limits)
     order = np.argsort(-quality[:, SCORE], kind="stable")
-    chosen, numbers, quality = select_survivors(ps, order, edge_points, limits)
+    chosen, numbers, quality = select_survivors(ps, order, edge_field, limits)
     features = _filter_survivors(ps[chosen], numbers, quality, edges, parameters)
     return Grouping(edges, table, tuple(features), parameters.tolerance_px)
 
@@ -192,7 +199,7 @@ def _filter_survivors(
         result = _filtered(ps[k], points, parameters)
         if result is None or result.fitting_error_px > parameters.max_error_px:
             continue
-        if any(_same(result.ellipse, other.ellipse, parameters.min_overlap) for other in features):
+        if any(_same(result.ellipse, other.ellipse, parameters) for other in features):
             continue
         features.append(
             EllipseFeature(
@@ -213,12 +220,12 @@ def _filtered(p: Array, points: Array, parameters: GroupingParameters) -> Filter
     return fit_ellipse(points, p, float(np.median(supported_px)), parameters.filter)
 
 
-def _same(a: Ellipse, b: Ellipse, min_overlap: float) -> bool:
-    """Whether two ellipses are the same one, found twice; concentric ones a few pixels apart are not."""
-    if np.abs(a.p[:2] + a.p[2:4] - b.p[:2] - b.p[2:4]).max() > 3 or abs(a.p[4] - b.p[4]) > 3:
+def _same(a: Ellipse, b: Ellipse, parameters: GroupingParameters) -> bool:
+    """Whether two ellipses are the same one, found twice, or the two edges of a thin rim."""
+    if np.hypot(*(a.centre - b.centre)) > a.semi_axes[1] or not 0.7 < a.p[4] / b.p[4] < 1.4:
         return False
     apart = np.abs(distances(a.p, b.sample(16))[0]).max()
-    return bool(apart < 1.5) and overlap(a, b) > min_overlap
+    return bool(apart < parameters.max_apart_px) and overlap(a, b) > parameters.min_overlap
 
 
 def _members(feature: EllipseFeature, points: Array, tolerance_px: float) -> tuple[int, ...]:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
 from vision.camera import View
 from vision.candidates import Workspace
 from vision.ellipse import Ellipse
@@ -15,9 +17,14 @@ from vision.features import EllipseFeature, Process
 from vision.grouping import GroupingParameters, group_ellipses
 from vision.matching import Matcher, MatchingParameters
 from vision.pose import PoseEstimate
+from vision.region_attributes import AttributeConstraints
 from vision.regions import region_ellipses
 from vision.segmentation import segment
 from vision.vision_model import VisionModel
+
+
+GREY_SLACK = (0.1, 2.5)
+SMALLEST_AREA_SHARE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +113,7 @@ class EllipseLocalizer:
 
     def extract(self, view: View, workspace: Workspace | None = None) -> list[EllipseFeature]:
         """The ellipses that the extractors find in one view with a distortion-free lens."""
-        found = extract_features(view, self.processes)
+        found = extract_features(view, self.processes, attribute_constraints(self.models, view, workspace))
         return [f for f in found if self._plausible(f.ellipse, view, workspace)]
 
     def _plausible(self, ellipse: Ellipse, view: View, workspace: Workspace | None) -> bool:
@@ -137,20 +144,46 @@ class EllipseLocalizer:
         return tuple(sorted(found, key=lambda e: -e.score))
 
 
-def extract_features(view: View, processes: Sequence[Process]) -> list[EllipseFeature]:
+def extract_features(
+    view: View, processes: Sequence[Process], constraints: AttributeConstraints | None = None
+) -> list[EllipseFeature]:
     """Run extractors on a view with a distortion-free lens.
 
     Args:
         view: the image.
         processes: which extractors.
+        constraints: prune the regions that no taught part can have; None prunes nothing.
     """
     gray = view.gray
     found: list[EllipseFeature] = []
     if "region" in processes:
-        found += region_ellipses(segment(gray), gray)
+        found += region_ellipses(segment(gray), gray, constraints)
     if "group" in processes:
         found += group_ellipses(gray, GroupingParameters())
     return found
+
+
+def attribute_constraints(
+    models: Sequence[VisionModel], view: View, workspace: Workspace | None
+) -> AttributeConstraints | None:
+    """What the attributes of a region can be that shows a salient feature of a model (Section 5.1).
+
+    The area follows from the radius and the distance; a tilted or half hidden circle shows less of it. The taught
+    grey levels are widened for another exposure and another light.
+    """
+    if workspace is None:
+        return None
+    near, far = _depth_range(view, workspace)
+    radii = [f.circle.radius_m for m in models for f in m.salient]
+    smallest, largest = (np.pi * (view.camera.fx * r / z) ** 2 for r, z in ((min(radii), far), (max(radii), near)))
+    taught = [dict(f.attributes).get("grey_mean") for m in models for f in m.salient]
+    greys = [(r.low, r.high) for r in taught if r is not None]
+    grey = (
+        (GREY_SLACK[0] * min(low for low, _ in greys), GREY_SLACK[1] * max(high for _, high in greys))
+        if greys
+        else None
+    )
+    return AttributeConstraints(area_px=(SMALLEST_AREA_SHARE * smallest, 1.3 * largest), grey_mean=grey)
 
 
 def _depth_range(view: View, workspace: Workspace) -> tuple[float, float]:

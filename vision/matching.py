@@ -28,8 +28,7 @@ class MatchingParameters:
 
     Attributes:
         candidates: how many of the most promising candidates are refined and confirmed in a round.
-        rounds: how often, as long as new parts are found, the rest is gone through again.
-        minimum_score: edge support below which a pose is not reported.
+        minimum_scores: edge support below which a pose is not accepted, round by round: what is beyond doubt first.
         minimum_separation: distance of two parts below which one of them is a duplicate, in part diameters.
         points_per_ellipse: edge points of each matched ellipse that enter the refinement.
         reach_px: how far from the projected model edges are looked for, iteration by iteration.
@@ -39,8 +38,7 @@ class MatchingParameters:
     """
 
     candidates: int = 30
-    rounds: int = 4
-    minimum_score: float = 0.30
+    minimum_scores: tuple[float, ...] = (0.6, 0.45, 0.35, 0.30)
     minimum_separation: float = 0.12
     points_per_ellipse: int = 48
     reach_px: tuple[float, ...] = (5.0, 4.0, 3.0, 2.5, 2.0, 2.0, 1.5, 1.5)
@@ -99,29 +97,40 @@ class Matcher:
         scene = SceneEdges(self.views, self.fields)
         contour = self._contour(candidates)
         accepted: list[PoseEstimate] = []
-        for _ in range(self.parameters.rounds):
-            chosen = self._promising(candidates, scene, contour)
+        pool: list[_Candidate] = []
+        for number, minimum_score in enumerate(self.parameters.minimum_scores):
+            # The taught strategy goes first; afterwards one extractor makes good what the other has lost.
+            allowed = self._by_strategy(candidates, features) if number == 0 else np.ones(len(candidates), bool)
+            chosen = self._promising(candidates, allowed, scene, contour)
             developed = (self._develop(candidates, int(i), features, scene, contour) for i in chosen)
-            found = self._accept([c for c in developed if c is not None], scene, contour)
+            pool += [c for c in developed if c is not None]
+            found, pool = self._accept(pool, minimum_score, scene, contour)
             accepted += found
             candidates = self._untried(candidates, chosen, accepted)
-            if not found or not len(candidates):
+            if not len(candidates):
                 break
         return sorted(accepted, key=lambda e: -e.score)
 
-    def _promising(self, candidates: Candidates, scene: SceneEdges, contour: ModelContour) -> NDArray[np.intp]:
+    def _by_strategy(self, candidates: Candidates, features: Features) -> NDArray[np.bool_]:
+        """Which candidates were seeded by the extractor that the model wants tried first for their salient feature."""
+        salient = self.model.salient
+        return np.array([features[v][m].process == salient[k].extractor for v, m, k in candidates.seed], dtype=bool)
+
+    def _promising(
+        self, candidates: Candidates, allowed: NDArray[np.bool_], scene: SceneEdges, contour: ModelContour
+    ) -> NDArray[np.intp]:
         """The candidates with the most votes, and those with the most unclaimed edges near their salient circles.
 
         A part that a single ellipse speaks for has few votes, one amid clutter has edges everywhere: neither order
         alone serves all.
         """
         loose = self.parameters.loose_reach_px
-        support = np.array(
-            [scene.evidence(candidates.pose(i), contour, loose).salient for i in range(len(candidates))]
-        )
+        open_ = np.flatnonzero(allowed)
+        support = np.array([scene.evidence(candidates.pose(int(i)), contour, loose).salient for i in open_])
         share = self.parameters.candidates // 2
-        by_votes, by_edges = np.argsort(-candidates.votes, kind="stable"), np.argsort(-support, kind="stable")
-        return np.array(list(dict.fromkeys([*by_votes[:share].tolist(), *by_edges[:share].tolist()])), dtype=np.intp)
+        by_votes = open_[np.argsort(-candidates.votes[open_], kind="stable")][:share]
+        by_edges = open_[np.argsort(-support, kind="stable")][:share]
+        return np.array(list(dict.fromkeys([*by_votes.tolist(), *by_edges.tolist()])), dtype=np.intp)
 
     def _untried(
         self, candidates: Candidates, tried: NDArray[np.intp], accepted: Sequence[PoseEstimate]
@@ -213,14 +222,20 @@ class Matcher:
         view, model, pixels, normals, circle = (np.concatenate([b[j] for b in blocks]) for j in range(5))
         return Observations(view, model, pixels, normals, np.full(len(view), 0.3), circle)
 
-    def _accept(self, pool: list[_Candidate], scene: SceneEdges, contour: ModelContour) -> list[PoseEstimate]:
-        """Greedily accept the best supported candidate, let it claim its edges, and weigh the rest again."""
+    def _accept(
+        self, pool: list[_Candidate], minimum_score: float, scene: SceneEdges, contour: ModelContour
+    ) -> tuple[list[PoseEstimate], list[_Candidate]]:
+        """Greedily accept the best supported candidate, let it claim its edges, and weigh the rest again.
+
+        Returns:
+            The accepted poses, and the candidates that are left.
+        """
         accepted: list[PoseEstimate] = []
         while pool:
             best = max(pool, key=lambda c: c.score)
-            pool.remove(best)
-            if best.score < self.parameters.minimum_score:
+            if best.score < minimum_score:
                 break
+            pool = [c for c in pool if c is not best]
             if not best.turned:
                 pool.append(self._turn(best, scene, contour))
                 continue
@@ -231,7 +246,7 @@ class Matcher:
             T = final.T_world_part.as_matrix()
             scene.claim(T, contour)
             pool = self._left_over(pool, T[:3, 3], scene, contour)
-        return accepted
+        return accepted, pool
 
     def _turn(self, candidate: _Candidate, scene: SceneEdges, contour: ModelContour) -> _Candidate:
         """Settle the rotation about the axis by the supporting features, which then count as well."""

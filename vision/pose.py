@@ -15,10 +15,10 @@ from vision.errors import InputError
 Array = NDArray[np.float64]
 
 # Systematic errors of edges, measured on rendered scenes (those that were tuned on, not those that are reported):
-SHIFT_SIGMA_PX = 0.06  # of all edges of one picture together
-SWELL_SIGMA_PX = 0.15  # of the radius of one rim in one picture
-TWIST_SIGMA_PX = 0.08  # of all holes of one picture about the part's axis
-COMMON_SIGMA_PX = 0.10  # of all edges of all pictures together
+SHIFT_SIGMA_PX = 0.03  # of all edges of one picture together
+SWELL_SIGMA_PX = 0.07  # of the radius of one rim in one picture
+TWIST_SIGMA_PX = 0.04  # of all holes of one picture about the part's axis
+COMMON_SIGMA_PX = 0.05  # of all edges of all pictures together
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,9 +203,11 @@ def _outcome(
     cameras: Sequence[tuple[Array, Array]],
 ) -> Refinement:
     kept = max(float(weights.sum()), 1.0)
-    variance = max(float(weights @ residuals**2) / max(kept - 6, 1.0), 1e-4)
-    inverse = np.linalg.inv(N)
-    spread = variance * (J * (weights**2)[:, None]).T @ J + _systematic(J, weights, seen, T[:3, 2])
+    # The sandwich of an M-estimator: Tukey's psi is w r, its derivative sqrt(w) (5 sqrt(w) - 4).
+    slope = np.sqrt(weights) * (5 * np.sqrt(weights) - 4)
+    inverse = np.linalg.inv(J.T @ (slope[:, None] * J) + (N - J.T @ (weights[:, None] * J)))
+    psi = weights * residuals
+    spread = (J * (psi**2)[:, None]).T @ J + _systematic(J, weights, seen, T[:3, 2])
     covariance = inverse @ spread @ inverse + _common_shift(T, cameras)
     if not inplane:
         axis = np.concatenate([np.zeros(3), T[:3, 2]])

@@ -29,6 +29,7 @@ Limits = tuple[float, float, float, float, float, float, float]
 
 MIN_VISIBLE = 0.35  # of the circumference inside the image
 GLANCE_STEPS, REFINE_STEPS = 40, 96
+MAX_ATTEMPTS = 200  # of refining a hypothesis; bounds the time that clutter costs
 
 
 @njit(cache=True)
@@ -65,15 +66,15 @@ def search(  # type: ignore[no-untyped-def]
     n, fragments = len(ps), len(rep_points)
     hits = np.empty(MAX_STEPS, np.int64)
     used = np.zeros(len(edges.points), np.bool_)
-    quality, counts = np.zeros(QUALITIES), np.zeros(len(edges.points), np.int64)
+    quality, counts = np.zeros(QUALITIES), np.zeros(len(edges.chain_points), np.int64)
     first = np.zeros(n)
     for h in range(n):
         steps = gather(ps[h], edges, used, tolerance + 1.5, agreement - 0.05, GLANCE_STEPS, hits)
         first[h] = supported_share(hits, steps)
     explained = np.zeros((len(out_ps), fragments), np.bool_)
-    found = 0
+    found, attempts = 0, 0
     for h in np.argsort(-first):
-        if found == len(out_ps) or first[h] < 0.7 * min_coverage:
+        if found == len(out_ps) or first[h] < min_coverage or attempts == MAX_ATTEMPTS:
             break
         i, j = groups[h, 0], groups[h, 1]
         known = False
@@ -85,7 +86,8 @@ def search(  # type: ignore[no-untyped-def]
             continue
         p = out_ps[found]
         p[:] = ps[h]
-        if not _settle(p, edges, used, tolerance, agreement, 0.8 * min_coverage, hits):
+        attempts += 1
+        if not _settle(p, edges, used, tolerance, agreement, 1.2 * min_coverage, hits):
             continue
         if not 2 * min_major <= p[4] <= 2 * max_major or axes(p)[3] < MIN_SEMI_MINOR_PX:
             continue
@@ -107,7 +109,7 @@ def search(  # type: ignore[no-untyped-def]
 def select(ps, order, edges, limits, out_hits, out_steps, out_quality):  # type: ignore[no-untyped-def]
     """Give every edge point to the best ellipse that wants it; return the numbers of those that keep enough."""
     tolerance, agreement, min_score, min_coverage, max_error, _, _ = limits
-    used, counts = np.zeros(len(edges.points), np.bool_), np.zeros(len(edges.points), np.int64)
+    used, counts = np.zeros(len(edges.points), np.bool_), np.zeros(len(edges.chain_points), np.int64)
     chosen = [0]
     for h in order:
         row = len(chosen) - 1
@@ -145,7 +147,7 @@ def verify_hypotheses(
         most: largest number of survivors.
 
     Returns:
-        (S, 5) refined focal parameters and (S, 12) quality (columns: see ``ellipse_score.py``).
+        (S, 5) refined focal parameters and (S, 9) quality (columns: see ``ellipse_score.py``).
     """
     out_ps, out_quality = np.zeros((most, 5)), np.zeros((most, QUALITIES))
     found = search(ps, groups, edges, points.points, limits, out_ps, out_quality)
@@ -165,7 +167,7 @@ def select_survivors(
 
     Returns:
         Numbers of the K ellipses that are left, for each the numbers of its edge points along the outline, and
-        their (K, 12) quality.
+        their (K, 9) quality.
     """
     hits = np.full((len(order) + 1, MAX_STEPS), NOTHING, np.int64)
     steps, quality = np.zeros(len(order) + 1, np.int64), np.zeros((len(order) + 1, QUALITIES))

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.detector.photographs import PHOTOGRAPHIC, compose, defocus
+from benchmark.detector.photographs import PHOTOGRAPHIC, compose
 from vision.ellipse import Ellipse
 from vision.errors import InputError
 
@@ -60,8 +60,6 @@ def draw(split: str, category: str, number: int) -> Drawing:
         canvas, ellipses, shares = _draw_plain(rng, category)
     if rng.random() < 0.6:
         canvas, ellipses = _bend(rng, canvas, ellipses)
-    if category in PHOTOGRAPHIC:
-        canvas = defocus(rng, canvas)
     return Drawing(
         _photograph(rng, canvas),
         tuple(e for e, share in zip(ellipses, shares, strict=True) if share >= _ASKED_SHARE),

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from benchmark.detector.surfaces import textured
 from vision.ellipse import Ellipse
@@ -20,7 +21,7 @@ from vision.ellipse_filter import distances
 Array = NDArray[np.float64]
 
 _MIN_SEMI_MINOR_PX = 6.0
-_VISIBLE_CONTRAST = 8.0  # grey levels
+_VISIBLE_CONTRAST = 10.0  # grey levels
 NOBODY = 0
 
 
@@ -56,17 +57,16 @@ class Picture:
         self.owner[cover > 0.5] = number
 
     def visible_share(self, outline: Ellipse, number: int) -> float:
-        """Share of an outline that lies in the picture, is not hidden, and has contrast."""
+        """Share of an outline that lies in the picture, is not hidden, and has contrast on average over a stretch."""
         points = outline.sample(256)
         outward = np.column_stack([points, np.ones(256)]) @ outline.conic[:, :2]
         outward /= np.hypot(*outward.T)[:, None]
-        smooth = cv2.GaussianBlur(self.canvas, (0, 0), 1.0)
         limit = np.array(self.canvas.shape[::-1]) - 1
         sides = [np.round(points + step * outward).astype(int) for step in (-2.0, 2.0)]
         seen = np.all([(side >= 0).all(axis=1) & (side <= limit).all(axis=1) for side in sides], axis=0)
         inner, outer = (tuple(np.clip(side, 0, limit).T[::-1]) for side in sides)
-        contrast = np.abs(smooth[inner] - smooth[outer]) >= _VISIBLE_CONTRAST
-        return float(np.mean(seen & contrast & (self.owner[inner] == number)))
+        step = uniform_filter1d(self.canvas[inner] - self.canvas[outer], 15, mode="wrap")
+        return float(np.mean(seen & (np.abs(step) >= _VISIBLE_CONTRAST) & (self.owner[inner] == number)))
 
 
 def distance_map(shape: tuple[int, ...], outline: Ellipse) -> Array:

@@ -24,7 +24,7 @@ def compose(rng: np.random.Generator, category: str) -> tuple[Array, list[tuple[
             (everything together, with things in front).
 
     Returns:
-        The clean picture (H, W), and every elliptic outline with its visible share.
+        The picture (H, W), out of focus but without noise, and every elliptic outline with its visible share.
     """
     size = (int(rng.integers(300, 700)), int(rng.integers(400, 900)))
     picture = Picture.on(dead_leaves(rng, size, int(np.exp(rng.uniform(np.log(8), np.log(150))))))
@@ -45,10 +45,11 @@ def compose(rng: np.random.Generator, category: str) -> tuple[Array, list[tuple[
         for outline in placed:
             if rng.random() < 0.5:
                 _occlude(rng, picture, outline)
+    picture.canvas = _defocus(rng, picture.canvas)
     return picture.canvas, [(e, picture.visible_share(e, number)) for e, number in picture.outlines]
 
 
-def defocus(rng: np.random.Generator, canvas: Array) -> Array:
+def _defocus(rng: np.random.Generator, canvas: Array) -> Array:
     """Blur of one or several pixels, now and then by a disc or along a line instead of a Gaussian."""
     kind = rng.random()
     if kind < 0.7:

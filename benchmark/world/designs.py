@@ -73,22 +73,22 @@ class Design:
 def hub_profile() -> list[Point]:
     """(r, z) outline of the brake hub."""
     return [
-        (62.3, -26.0),
-        (119.7, -26.0),
-        (120.0, -25.7),
-        (120.0, -12.3),
-        (119.7, -12.0),
+        (62.2, -26.0),
+        (119.8, -26.0),
+        (120.0, -25.8),
+        (120.0, -12.2),
+        (119.8, -12.0),
         *shapes.arc((75.0, -8.0), 4.0, 270.0, 180.0),
-        (71.0, 25.7),
-        (70.7, 26.0),
-        (32.3, 26.0),
-        (32.0, 25.7),
-        (32.0, 11.3),
-        (32.3, 11.0),
+        (71.0, 25.8),
+        (70.8, 26.0),
+        (32.2, 26.0),
+        (32.0, 25.8),
+        (32.0, 11.2),
+        (32.2, 11.0),
         (39.0, 11.0),
         *shapes.arc((41.0, 15.0), 2.0, 180.0, 90.0),
         *shapes.arc((59.5, 14.5), 2.5, 90.0, 0.0),
-        (62.0, -25.7),
+        (62.0, -25.8),
     ]
 
 
@@ -102,9 +102,9 @@ def hub_solid() -> Manifold:
 def hub_pieces() -> list[Manifold]:
     """Collar, top, hat wall and flange; the bolt and cooling holes are closed."""
     collar = [(32.0, 11.0), (39.0, 11.0), (39.0, 26.0), (32.0, 26.0)]
-    top = [(39.0, 17.0), (71.0, 17.0), (71.0, 25.7), (70.7, 26.0), (39.0, 26.0)]
+    top = [(39.0, 17.0), (71.0, 17.0), (71.0, 25.8), (70.8, 26.0), (39.0, 26.0)]
     wall = [(62.0, -12.0), (71.0, -12.0), (71.0, 17.0), (62.0, 17.0)]
-    flange = [(62.0, -26.0), (119.7, -26.0), (120.0, -25.7), (120.0, -12.3), (119.7, -12.0), (62.0, -12.0)]
+    flange = [(62.0, -26.0), (119.8, -26.0), (120.0, -25.8), (120.0, -12.2), (119.8, -12.0), (62.0, -12.0)]
     return [
         *shapes.convex_ring(collar, 20, 3, bore=True),
         *shapes.convex_ring(top, 10, 6),
@@ -121,13 +121,13 @@ HUB = Design(
     fold=5,
     bore=(64.0, 26.0, 11.0),
     edges=(
-        Edge("outline_front", 120.0, -12.3, +1),
-        Edge("hat_front", 71.0, 25.7, +1),
-        Edge("bore_front", 32.0, 25.7, +1),
-        Edge("outline_back", 120.0, -25.7, -1),
-        Edge("hollow_back", 62.0, -25.7, -1),
+        Edge("outline_front", 120.0, -12.2, +1),
+        Edge("hat_front", 71.0, 25.8, +1),
+        Edge("bore_front", 32.0, 25.8, +1),
+        Edge("outline_back", 120.0, -25.8, -1),
+        Edge("hollow_back", 62.0, -25.8, -1),
         Edge("collar_back", 39.0, 11.0, -1),
-        Edge("bore_back", 32.0, 11.3, -1),
+        Edge("bore_back", 32.0, 11.2, -1),
         Edge("bolt_hole_front", 7.0, 25.8, +1, 52.0, 5),
         Edge("bolt_hole_back", 7.0, 17.2, -1, 52.0, 5),
         Edge("cooling_hole_front", 4.75, -12.2, +1, 97.5, 20),
@@ -224,17 +224,17 @@ def cover2_profile() -> list[Point]:
     """(r, z) outline of the large cover."""
     return [
         (29.9, -14.0),
-        (32.4, -14.0),
-        (32.5, -13.9),
-        (32.5, 7.9),
-        (32.4, 8.0),
+        (32.45, -14.0),
+        (32.5, -13.95),
+        (32.5, 7.95),
+        (32.45, 8.0),
         *shapes.arc((16.5, 9.5), 1.5, 270.0, 180.0),
-        (15.0, 13.9),
-        (14.9, 14.0),
-        (9.6, 14.0),
-        (9.5, 13.9),
-        (9.5, 0.1),
-        (9.6, 0.0),
+        (15.0, 13.95),
+        (14.95, 14.0),
+        (9.55, 14.0),
+        (9.5, 13.95),
+        (9.5, 0.05),
+        (9.55, 0.0),
         (15.0, 0.0),
         *shapes.arc((16.0, 4.0), 1.0, 180.0, 90.0),
         *shapes.arc((28.4, 3.5), 1.5, 90.0, 0.0),
@@ -245,7 +245,7 @@ def cover2_solid() -> Manifold:
     """The cup with ribs and ears, less twelve vents and the ears' holes."""
     vents = shapes.ring_of(shapes.prism(shapes.radial_slot((20.0, 2.4), (25.6, 3.3)), -2.0, 11.0), 12, 15.0)
     holes = shapes.ring_of(
-        shapes.drill(EAR_HOLE_RADIUS, EAR_BOTTOM, EAR_TOP, 0.1).translate((EAR_CENTRE, 0.0, 0.0)), 3
+        shapes.drill(EAR_HOLE_RADIUS, EAR_BOTTOM, EAR_TOP, 0.05).translate((EAR_CENTRE, 0.0, 0.0)), 3
     )
     ribs = [*shapes.rotations(_front_rib(), 6), *shapes.rotations(_inner_rib(), 6)]
     solid = shapes.lathe(cover2_profile(), 180)
@@ -256,9 +256,9 @@ def cover2_solid() -> Manifold:
 
 def cover2_pieces() -> list[Manifold]:
     """Wall, face, boss, ribs and ears; vents and holes are closed."""
-    wall = [(29.9, -14.0), (32.4, -14.0), (32.5, -13.9), (32.5, 7.9), (32.4, 8.0), (29.9, 8.0)]
+    wall = [(29.9, -14.0), (32.45, -14.0), (32.5, -13.95), (32.5, 7.95), (32.45, 8.0), (29.9, 8.0)]
     face = [(15.0, 5.0), (30.0, 5.0), (30.0, 8.0), (15.0, 8.0)]
-    boss = [(9.5, 0.0), (15.0, 0.0), (15.0, 13.9), (14.9, 14.0), (9.5, 14.0)]
+    boss = [(9.5, 0.0), (15.0, 0.0), (15.0, 13.95), (14.95, 14.0), (9.5, 14.0)]
     return [
         *shapes.convex_ring(wall, 15, 4),
         *shapes.convex_ring(face, 12, 3),
@@ -295,15 +295,15 @@ COVER2 = Design(
     fold=3,
     bore=(19.0, 14.0, 0.0),
     edges=(
-        Edge("outline_front", 32.5, 7.9, +1),
-        Edge("boss_front", 15.0, 13.9, +1),
-        Edge("bore_front", 9.5, 13.9, +1),
-        Edge("outline_back", 32.5, -13.9, -1),
+        Edge("outline_front", 32.5, 7.95, +1),
+        Edge("boss_front", 15.0, 13.95, +1),
+        Edge("bore_front", 9.5, 13.95, +1),
+        Edge("outline_back", 32.5, -13.95, -1),
         Edge("cup_back", 29.9, -14.0, -1),
         Edge("boss_back", 15.0, 0.0, -1),
-        Edge("bore_back", 9.5, 0.1, -1),
-        Edge("ear_hole_front", 2.25, -8.1, +1, 35.2, 3),
-        Edge("ear_hole_back", 2.25, -13.9, -1, 35.2, 3),
+        Edge("bore_back", 9.5, 0.05, -1),
+        Edge("ear_hole_front", 2.25, -8.05, +1, 35.2, 3),
+        Edge("ear_hole_back", 2.25, -13.95, -1, 35.2, 3),
     ),
     solid=cover2_solid,
     pieces=cover2_pieces,

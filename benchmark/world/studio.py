@@ -35,7 +35,8 @@ _SCENE = """
     <material name="part" rgba="{rgba}" specular="0.15" shininess="0.5"/>
   </asset>
   <worldbody>
-    <light pos="{light_pos}" dir="{light_dir}" directional="true" diffuse="0.75 0.75 0.75" specular="0.3 0.3 0.3"/>
+    <light dir="0.35 0.2 -1" directional="true" castshadow="false" diffuse="0.4 0.4 0.4" specular="0.1 0.1 0.1"/>
+    <light dir="-0.35 -0.2 -1" directional="true" castshadow="false" diffuse="0.4 0.4 0.4" specular="0.1 0.1 0.1"/>
     <geom type="plane" size="5 5 0.1" pos="0 0 {floor}" rgba="0.19 0.20 0.22 1"/>
     <body name="part" mocap="true"><geom type="mesh" mesh="part" material="part"/></body>
     <camera name="eye" mode="fixed" focal="{focal} {focal}" sensorsize="{sensor}" resolution="{width} {height}"/>
@@ -73,13 +74,10 @@ class Studio:
         self._sitter = sitter
         self.camera = Camera.from_lens(focal_length_m, (0.0048, 0.0036), (640, 480))
         self.distance_m = sitter.diameter_m * self.camera.fy / (PART_FILLS * self.camera.height_px)
-        light = np.array([0.35, 0.2, -1.0])
         xml = _SCENE.format(
             width=self.camera.width_px,
             height=self.camera.height_px,
             rgba=" ".join(map(str, sitter.rgba)),
-            light_pos=" ".join(map(str, -2.5 * light)),
-            light_dir=" ".join(map(str, light)),
             extent=1.5 * sitter.diameter_m,
             floor=-0.8 * sitter.diameter_m,
             focal=focal_length_m,

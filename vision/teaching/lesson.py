@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,6 @@ from vision.vision_model import (
 Array = NDArray[np.float64]
 
 SAME_FEATURE_OVERLAP = 0.8
-AXIS_TOLERANCE_RAD = float(np.radians(3.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +89,14 @@ def acquire(lesson: Lesson, views: Sequence[View], found: Sequence[Sequence[Elli
 
 
 def locate(feature: TaughtFeature, views: Sequence[View], edge_fields: Sequence[EdgeField]) -> TriangulatedCircle:
-    """Snap the clicks of a feature to the edges and triangulate its circle."""
+    """Snap the clicks of a feature to the edges and triangulate its circle.
+
+    A turned part's rims share its axis, and its holes are parallel to it: what the marks say within a tolerance is
+    taken as that, which leaves them less to determine.
+    """
     marks = {v: snap_to_edge(clicks, edge_fields[v])[1] for v, clicks in feature.clicks.items()}
     try:
-        return triangulate_circle(views, marks)
+        return triangulate_circle(views, marks, coaxial=feature.role == "salient")
     except InputError as error:
         raise InputError(
             f"feature {feature.name!r}", got=error.got, expected=error.expected, do=error.do or "Mark it again."
@@ -106,7 +109,7 @@ def _acquire_feature(
     edge_fields: Sequence[EdgeField],
     found: Sequence[Sequence[EllipseFeature]],
 ) -> CircleFeature:
-    circle = _upright(locate(feature, views, edge_fields).circle, on_axis=feature.role == "salient")
+    circle = locate(feature, views, edge_fields).circle
     images = {v: project_circle(circle, views[v]) for v in feature.clicks}
     seen = {v: _same(image, found[v]) for v, image in images.items() if image is not None}
     return CircleFeature(
@@ -116,19 +119,8 @@ def _acquire_feature(
         extractor=feature.extractor or propose_extractor(list(seen.values())),
         copies=feature.copies,
         support=_edge_support(images, edge_fields),
-        attributes=_attribute_ranges([f for s in seen.values() for f in s]),
+        attributes=_attribute_ranges([f for v, s in seen.items() for f in s if _fills(f, images[v])]),
     )
-
-
-def _upright(circle: Circle, *, on_axis: bool) -> Circle:
-    """Take out what a turned part cannot have: a normal, or a salient centre, slightly off the part's axis."""
-    centre, normal = circle.centre.copy(), circle.normal.copy()
-    upright = np.array([0.0, 0.0, np.sign(normal[2])])
-    if np.arccos(np.clip(normal @ upright, -1, 1)) < AXIS_TOLERANCE_RAD:
-        normal = upright
-    if on_axis and np.hypot(*centre[:2]) < 0.02 * circle.radius_m + 1e-4:
-        centre[:2] = 0.0
-    return replace(circle, centre=centre, normal=normal)
 
 
 def propose_extractor(seen: Sequence[Sequence[EllipseFeature]]) -> Process:
@@ -141,6 +133,11 @@ def _same(image: Ellipse, found: Sequence[EllipseFeature]) -> list[EllipseFeatur
     """The extracted ellipses that are this feature."""
     near = [f for f in found if np.hypot(*(f.ellipse.centre - image.centre)) < 0.2 * image.semi_axes[0] + 2]
     return [f for f in near if overlap(f.ellipse, image) > SAME_FEATURE_OVERLAP]
+
+
+def _fills(found: EllipseFeature, image: Ellipse | None) -> bool:
+    """Whether the region whose attributes a feature carries lies inside the ellipse, not around it."""
+    return image is not None and found.attributes is not None and found.attributes.area_px < 1.05 * image.area
 
 
 def _edge_support(images: Mapping[int, Ellipse | None], edge_fields: Sequence[EdgeField]) -> float:

@@ -14,6 +14,7 @@ from vision.evidence import EdgeField
 Array = NDArray[np.float64]
 
 MINIMUM_CLICKS = 5
+LEAST_SPREAD = 0.02  # across the clicks over along them; an ellipse seen within a degree of edge on has less
 
 
 def ellipse_through(clicks: ArrayLike) -> Ellipse:
@@ -27,6 +28,9 @@ def ellipse_through(clicks: ArrayLike) -> Ellipse:
         raise InputError(
             "clicks", got=f"an array {points.shape}", expected=f"at least {MINIMUM_CLICKS} finite points (x, y)"
         )
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if spread[1] < LEAST_SPREAD * spread[0]:
+        raise InputError("clicks", got="points on a line", expected="points around an ellipse", do="Spread them out.")
     (x, y), (width, height), degrees = cv2.fitEllipseDirect(points)
     if not np.isfinite([x, y, width, height]).all() or min(width, height) <= 0:
         raise InputError("clicks", got="points on a line", expected="points around an ellipse", do="Spread them out.")

@@ -18,6 +18,9 @@ from vision.teaching.snapping import ellipse_through
 
 Array = NDArray[np.float64]
 
+UPRIGHT_TOLERANCE_RAD = float(np.radians(12.0))
+ON_AXIS_TOLERANCE = 0.1  # of the radius
+
 
 @dataclass(frozen=True, eq=False)
 class TriangulatedCircle:
@@ -43,25 +46,40 @@ class TriangulatedCircle:
         return [v for v, r in self.residual_px.items() if r > max(limit_px, 3 * typical)]
 
 
-def triangulate_circle(views: Sequence[View], marks: Mapping[int, Array]) -> TriangulatedCircle:
+def triangulate_circle(
+    views: Sequence[View], marks: Mapping[int, Array], *, coaxial: bool = False
+) -> TriangulatedCircle:
     """Stereo triangulation of a circle (Section 4), then least squares over all marks.
+
+    A circle that comes out nearly upright, its normal along z within 12 degrees, is taken as upright: so are the
+    rims and holes of turned parts, whose axis the teaching fixture knows.
 
     Args:
         views: with distortion-free lenses.
         marks: edge points (N, 2), N >= 5, by number of the view; at least two views.
+        coaxial: an upright circle also has its centre on the z axis.
 
     Raises:
         InputError: for fewer than two views, or rays that do not meet in front of the cameras.
     """
     if len(marks) < 2:
         raise InputError("marked views", got=len(marks), expected="at least two", do="Mark the feature once more.")
-    ellipses = {v: ellipse_through(points) for v, points in marks.items()}
-    start = _linear_circle(views, ellipses)
+    free = _fit(views, marks, _linear_circle(views, {v: ellipse_through(p) for v, p in marks.items()}), np.eye(6))
+    if abs(free.circle.normal[2]) < np.cos(UPRIGHT_TOLERANCE_RAD):
+        return free
+    on_axis = coaxial and np.hypot(*free.circle.centre[:2]) < ON_AXIS_TOLERANCE * free.circle.radius_m
+    centre = free.circle.centre * ([0.0, 0.0, 1.0] if on_axis else [1.0, 1.0, 1.0])
+    upright = Circle(centre, np.array([0.0, 0.0, np.sign(free.circle.normal[2])]), free.circle.radius_m)
+    return _fit(views, marks, upright, np.eye(6)[[2, 5] if on_axis else [0, 1, 2, 5]])
+
+
+def _fit(views: Sequence[View], marks: Mapping[int, Array], start: Circle, directions: Array) -> TriangulatedCircle:
+    """Least squares from a start, along some directions (D, 6) of (centre, two of the normal, radius)."""
     u, v = plane_axes(start.normal)
     scale = np.array([start.radius_m] * 3 + [1.0, 1.0, start.radius_m])
 
     def circle_of(x: Array) -> Circle:
-        step = x * scale
+        step = (x @ directions) * scale
         normal = start.normal + step[3] * u + step[4] * v
         return Circle(start.centre + step[:3], normal, float(abs(start.radius_m + step[5])))
 
@@ -69,10 +87,11 @@ def triangulate_circle(views: Sequence[View], marks: Mapping[int, Array]) -> Tri
         circle = circle_of(x)
         return np.concatenate([_distance(circle, views[v], p) / np.sqrt(len(p)) * 6 for v, p in marks.items()])
 
-    solution = least_squares(residuals, np.zeros(6), loss="soft_l1", f_scale=1.0, x_scale=0.01)
+    solution = least_squares(residuals, np.zeros(len(directions)), loss="soft_l1", f_scale=0.5, x_scale=0.01)
     circle = circle_of(solution.x)
     residual = {v: float(np.sqrt(np.mean(_distance(circle, views[v], p) ** 2))) for v, p in marks.items()}
-    sigma = scale * np.sqrt(np.diag(np.linalg.pinv(solution.jac.T @ solution.jac))) * max(residual.values())
+    covariance = directions.T @ np.linalg.pinv(solution.jac.T @ solution.jac) @ directions
+    sigma = scale * np.sqrt(np.diag(covariance)) * max(residual.values())
     return TriangulatedCircle(
         circle, residual, float(sigma[:3].max()), float(np.hypot(sigma[3], sigma[4])), float(sigma[5])
     )
