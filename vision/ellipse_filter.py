@@ -141,7 +141,7 @@ def fit_ellipse(
         p = posterior
         if not np.isfinite(p).all() or p[4] <= np.hypot(p[0] - p[2], p[1] - p[3]):
             return None
-        if step < 1e-3:
+        if step < 1e-2:
             break
     offset, _slope = distances(p, points[inliers])
     # 5 degrees of freedom were spent on p.

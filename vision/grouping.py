@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +20,11 @@ from vision.hypotheses import PairConstraints, Representatives, fit_hypotheses, 
 from vision.verification import select_survivors, verify_hypotheses
 
 Array = NDArray[np.float64]
+
+# Of the second look of `detect_ellipses`, in pixels of the half-size image except the first one.
+_MIN_COARSE_PX = 64
+_MIN_COARSE_SEMI_MAJOR_PX = 5.0
+_MIN_COARSE_SCORE = 0.5
 
 
 @dataclass(frozen=True)
@@ -46,7 +52,7 @@ class GroupingParameters:
 
     edges: EdgeParameters = field(default_factory=EdgeParameters)
     fragments: FragmentParameters = field(default_factory=FragmentParameters)
-    filter: FilterParameters = field(default_factory=FilterParameters)
+    filter: FilterParameters = field(default_factory=lambda: FilterParameters(iterations=2))
     size_px: tuple[float, float] | None = None
     convexity_slack_px: float = 2.0
     grey_tolerance: float = 20.0
@@ -102,7 +108,7 @@ class Grouping:
 
 
 def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | None = None) -> Array:
-    """Find the ellipses in a photograph.
+    """Find the ellipses in a photograph: those that edges show at full resolution, then others at half of it.
 
     The order is that of a score in [0, 1]: the probability of a true ellipse by a logistic model of coverage,
     accuracy, size and surroundings (see ``vision/ellipse_score.py``).
@@ -118,8 +124,29 @@ def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | 
     Raises:
         InputError: when ``gray`` is not an image, see :func:`vision.edges.as_gray`.
     """
-    features = group_ellipses(gray, parameters)
+    parameters = parameters or GroupingParameters()
+    image = as_gray(gray)
+    features = group_ellipses(image, parameters)
+    if min(image.shape) >= _MIN_COARSE_PX:
+        found = [(feature.score, feature.ellipse) for feature in features]
+        for score, ellipse in _coarse_ellipses(image, parameters):
+            if not any(_same(ellipse, other, parameters) for _, other in found):
+                found.append((score, ellipse))
+        found.sort(key=lambda pair: -pair[0])
+        return np.array([ellipse.geometric for _, ellipse in found]).reshape(-1, 5)
     return np.array([feature.ellipse.geometric for feature in features]).reshape(-1, 5)
+
+
+def _coarse_ellipses(image: NDArray[np.uint8], parameters: GroupingParameters) -> list[tuple[float, Ellipse]]:
+    """Score and ellipse of what is found at half the resolution, where soft outlines are sharp and ragged ones smooth."""
+    half = cv2.pyrDown(image)
+    smallest, largest = parameters.size_px or (2 * _MIN_COARSE_SEMI_MAJOR_PX, 2.0 * max(half.shape))
+    size_px = (max(smallest / 2, _MIN_COARSE_SEMI_MAJOR_PX), largest / 2)
+    if size_px[0] > size_px[1]:
+        return []
+    coarse = replace(parameters, size_px=size_px, min_score=max(parameters.min_score, _MIN_COARSE_SCORE))
+    # A pixel of the smaller image has its centre on every other pixel of the larger one.
+    return [(f.score, Ellipse(2 * f.ellipse.p)) for f in group_ellipses(np.asarray(half, np.uint8), coarse)]
 
 
 def group_ellipses(
@@ -222,10 +249,11 @@ def _filtered(p: Array, points: Array, parameters: GroupingParameters) -> Filter
 
 def _same(a: Ellipse, b: Ellipse, parameters: GroupingParameters) -> bool:
     """Whether two ellipses are the same one, found twice, or the two edges of a thin rim."""
-    if np.hypot(*(a.centre - b.centre)) > a.semi_axes[1] or not 0.7 < a.p[4] / b.p[4] < 1.4:
+    reach = 0.3 * min(a.p[4], b.p[4]) / 2
+    if np.abs(a.p[:2] + a.p[2:4] - b.p[:2] - b.p[2:4]).max() > 2 * reach or not 0.7 < a.p[4] / b.p[4] < 1.4:
         return False
     apart = np.abs(distances(a.p, b.sample(16))[0]).max()
-    return bool(apart < parameters.max_apart_px) and overlap(a, b) > parameters.min_overlap
+    return bool(apart < min(parameters.max_apart_px, reach)) and overlap(a, b) > parameters.min_overlap
 
 
 def _members(feature: EllipseFeature, points: Array, tolerance_px: float) -> tuple[int, ...]:

@@ -286,14 +286,15 @@ class Matcher:
                 return None
             if not self._far(joint.T_world_part, T):
                 refined, T = joint, joint.T_world_part
+        evidence = scene.evidence(T, contour)
         return PoseEstimate(
             part=self.model.part,
             T_world_part=RigidTransform.from_matrix(T),
             covariance=refined.covariance,
-            score=candidate.evidence.score,
+            score=evidence.score,
             process=candidate.process,
             residual_px=refined.residual_px,
-            views=candidate.evidence.views,
+            views=evidence.views,
             inplane_known=candidate.inplane_known,
         )
 

@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 Limits = tuple[float, float, float, float, float, float, float]
 
 MIN_VISIBLE = 0.35  # of the circumference inside the image
-GLANCE_STEPS, REFINE_STEPS = 40, 96
-MAX_ATTEMPTS = 200  # of refining a hypothesis; bounds the time that clutter costs
+GLANCE_STEPS, REFINE_STEPS = 32, 64
+MAX_ATTEMPTS = 120  # of refining a hypothesis; bounds the time that clutter costs
 
 
 @njit(cache=True)

@@ -67,7 +67,6 @@ def test_no_edges_in_an_empty_image():
 
 # The profile is interpolated linearly every half pixel and differentiated over one: neighbouring slopes are smoothed
 # unequally, and the parabola through them is off by up to 0.25 px.
-@pytest.mark.xfail(reason="EdgeField.measure is biased towards half pixels", strict=True)
 @pytest.mark.parametrize("angle", [0.0, 0.5, np.pi / 2, 2.2, 4.0])
 def test_measured_position_is_right_to_a_twentieth_of_a_pixel(angle):
     errors = []

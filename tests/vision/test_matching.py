@@ -113,7 +113,7 @@ def test_the_best_come_first_and_none_is_below_the_minimum(plate, scene, photogr
     features = perfect(plate, scene, views)
     scores = [e.score for e in matcher(plate, views).match(features)]
     assert scores == sorted(scores, reverse=True)
-    assert matcher(plate, views, minimum_score=1.01).match(features) == []
+    assert matcher(plate, views, minimum_scores=(1.01,)).match(features) == []
 
 
 def test_covariance_is_symmetric_positive_and_of_the_size_of_the_error(plate, scene, photograph):

@@ -70,10 +70,7 @@ def test_clicks_stay_where_there_is_no_edge():
         np.random.default_rng(10_042).uniform(0, 100, (4, 2)),
         np.zeros((6, 3)),
         np.full((6, 2), np.nan),
-        pytest.param(
-            np.column_stack([np.arange(8.0), 2 * np.arange(8.0) + 3]),
-            marks=pytest.mark.xfail(reason="ellipse_through takes points on a line for an ellipse", strict=True),
-        ),
+        np.column_stack([np.arange(8.0), 2 * np.arange(8.0) + 3]),
         np.tile([5.0, 7.0], (8, 1)),
     ],
     ids=["none", "four", "3d", "nan", "line", "one place"],
@@ -190,11 +187,7 @@ def test_salient_circles_are_put_on_the_axis_and_upright(taught):
     ("name", "grey"),
     [
         ("bore_front", 50),
-        pytest.param(
-            "hole_front",
-            60,
-            marks=pytest.mark.xfail(reason="attributes of the region around a hole count as the hole's", strict=True),
-        ),
+        ("hole_front", 60),
     ],
 )
 def test_attributes_are_those_of_the_region_inside(name, grey, taught, views, plate):

@@ -18,7 +18,7 @@ from vision.teaching.snapping import ellipse_through
 
 Array = NDArray[np.float64]
 
-UPRIGHT_TOLERANCE_RAD = float(np.radians(12.0))
+UPRIGHT_TOLERANCE_RAD = float(np.radians(8.0))
 ON_AXIS_TOLERANCE = 0.1  # of the radius
 
 
@@ -51,7 +51,7 @@ def triangulate_circle(
 ) -> TriangulatedCircle:
     """Stereo triangulation of a circle (Section 4), then least squares over all marks.
 
-    A circle that comes out nearly upright, its normal along z within 12 degrees, is taken as upright: so are the
+    A circle that comes out nearly upright, its normal along z within 8 degrees, is taken as upright: so are the
     rims and holes of turned parts, whose axis the teaching fixture knows.
 
     Args:
