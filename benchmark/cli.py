@@ -31,6 +31,7 @@ COMMANDS = {
     "table": "benchmark.commands.table:table",
     "check": "benchmark.commands.check:check",
     "assets build": "benchmark.commands.assets:build",
+    "assets teach": "benchmark.commands.assets:teach",
 }
 """Where each command is; in the order in which a newcomer needs them."""
 

@@ -198,7 +198,8 @@ def _cell(config: CellConfig, sensor: str) -> WorkCell:
 def _viewpoints(config: CellConfig, count: int) -> list[tuple[RigidTransform, Array]]:
     """Camera poses and joint angles; they depend on the cell alone."""
     cell = next(cell for (known, _), cell in _open_cells.items() if known == config)
-    target = np.array(config.bin_centre_m) + [0.0, 0.0, config.bin_wall_m / 3]
+    target = np.array(config.bin_centre_m)
+    target[2] += config.bin_wall_m / 3
     return reachable_viewpoints(
         cell.kinematics, cell.T_flange_camera, target, config.camera_distance_m, count, config.view_tilt_rad
     )

@@ -32,7 +32,7 @@ class EdgeParameters:
 
     Attributes:
         smoothing_px: standard deviation of the Gaussian before differentiation.
-        noise_factor: Canny's upper threshold is at least this many times the gradient that 30 % of the image stay below.
+        noise_factor: Canny's upper threshold is at least this times the gradient that 30 % of the image stay below.
         clutter_factor: and at least this many times the mean gradient of the neighbourhood.
         window_px: width of that neighbourhood.
         min_contrast: lower limit of the upper threshold, grey levels per pixel.

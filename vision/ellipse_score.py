@@ -43,8 +43,8 @@ def _own_share(hits, steps, edges, counts, px_per_step):  # type: ignore[no-unty
 @njit(cache=True)
 def _clutter(p, edges, hits, steps):  # type: ignore[no-untyped-def]
     """Share of places beside the outline, at 3 and 5 px on either side, where an edge runs across its direction."""
-    index, gradients = edges.index, edges.gradients
-    height, width = index.shape
+    number_at, gradients = edges.number_at, edges.gradients
+    height, width = number_at.shape
     cx, cy, major, minor, cos, sin = axes(p)
     places, crossed = 0, 0
     for k in range(steps):
@@ -60,7 +60,7 @@ def _clutter(p, edges, hits, steps):  # type: ignore[no-untyped-def]
             if x < 0 or y < 0 or x >= width or y >= height:
                 continue
             places += 1
-            j = index[y, x]
+            j = number_at[y, x]
             crossed += j >= 0 and abs(gradients[j, 0] * nx + gradients[j, 1] * ny) < 0.9 * norm
     return crossed / max(places, 1)
 
@@ -119,14 +119,14 @@ def _score(quality):  # type: ignore[no-untyped-def]
     """
     minor = quality[MINOR]
     evidence = (
-        6.36 * quality[COVERAGE]
-        + 1.47 * np.log(min(max(quality[SUPPORT], 1.0), 300.0))
-        + 4.24 * quality[VISIBLE]
-        + 2.02 * quality[CHAIN]
-        + 1.51 * np.log(min(minor, 40.0))
-        - 14.3 * quality[CLUTTER]
+        6.5 * quality[COVERAGE]
+        + 1.67 * np.log(min(max(quality[SUPPORT], 1.0), 300.0))
+        + 4.9 * quality[VISIBLE]
+        + 1.95 * quality[CHAIN]
+        + 1.6 * np.log(min(minor, 40.0))
+        - 14.0 * quality[CLUTTER]
         - 12.0 * quality[DIRECTION]
-        - 6.0 * quality[ERROR] / np.sqrt(1 + minor / 30)
-        - 18.0
+        - 9.0 * quality[ERROR] / np.sqrt(1 + minor / 30)
+        - 19.0
     )
     return 1 / (1 + np.exp(-evidence))

@@ -27,14 +27,14 @@ class EdgeField(NamedTuple):
     """The edges of an image as the compiled functions read them.
 
     Attributes:
-        index: (H, W) number of the edge point in a pixel, or -1.
+        number_at: (H, W) number of the edge point in a pixel, or -1.
         points: (N, 2) positions.
         gradients: (N, 2) unit gradients.
         chain: (N,) number of the chain of every point.
         chain_points: (C,) number of points of every chain.
     """
 
-    index: NDArray[np.int32]
+    number_at: NDArray[np.int32]
     points: Array
     gradients: Array
     chain: NDArray[np.int64]
@@ -62,10 +62,10 @@ def axes(p):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _nearest_edge(edges, used, bx, by, nx, ny, tolerance, agreement):  # type: ignore[no-untyped-def]
     """Number of an unused edge point that lies across the outline at a boundary point, or -1; nearest first."""
-    index, points, gradients = edges.index, edges.points, edges.gradients
+    number_at, points, gradients = edges.number_at, edges.points, edges.gradients
     for step in range(2 * int(np.ceil(tolerance)) + 1):
         offset = (step + 1) // 2 * (1 if step % 2 else -1)
-        k = index[int(by + offset * ny + 0.5), int(bx + offset * nx + 0.5)]
+        k = number_at[int(by + offset * ny + 0.5), int(bx + offset * nx + 0.5)]
         if k < 0 or used[k] or abs(gradients[k, 0] * nx + gradients[k, 1] * ny) < agreement:
             continue
         if abs((points[k, 0] - bx) * nx + (points[k, 1] - by) * ny) <= tolerance:
@@ -76,7 +76,7 @@ def _nearest_edge(edges, used, bx, by, nx, ny, tolerance, agreement):  # type: i
 @njit(cache=True)
 def gather(p, edges, used, tolerance, agreement, max_steps, hits):  # type: ignore[no-untyped-def]
     """Walk the outline of p; write the supporting edge point of every step (or -1, -2) and return the steps."""
-    height, width = edges.index.shape
+    height, width = edges.number_at.shape
     cx, cy, major, minor, cos, sin = axes(p)
     perimeter = np.pi * (3 * (major + minor) - np.sqrt((3 * major + minor) * (major + 3 * minor)))
     steps = int(min(max(perimeter / STEP_PX, MIN_STEPS), max_steps))

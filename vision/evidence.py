@@ -71,11 +71,10 @@ class EdgeField:
 
     def slope(self, points: Array, normals: Array) -> Array:
         """Grey levels per pixel (N,) along unit normals (N, 2) at points (N, 2); NaN outside the image."""
-        ahead, behind = (points + sign * 0.5 * normals for sign in (1, -1))
-        values = [
-            cv2.remap(self.smooth, *p.astype(np.float32).T[:, :, None], cv2.INTER_LINEAR)[:, 0]
-            for p in (ahead, behind)
-        ]
+        values = []
+        for sign in (1.0, -1.0):
+            x, y = (points + sign * 0.5 * normals).astype(np.float32).T
+            values.append(np.asarray(cv2.remap(self.smooth, x[:, None], y[:, None], cv2.INTER_LINEAR))[:, 0])
         return np.where(self.inside(points, 1.0), values[0] - values[1], np.nan)
 
     def inside(self, points: Array, margin_px: float = 2.0) -> NDArray[np.bool_]:
@@ -113,7 +112,7 @@ class EdgeField:
         half = int(np.ceil(reach_px / step)) + 3
         offsets = np.arange(-half, half + 1) * step
         where = points[:, None, :] + offsets[None, :, None] * normals[:, None, :]
-        good = np.isfinite(where).all(axis=(1, 2))
+        good = np.asarray(np.isfinite(where).all(axis=(1, 2)))
         where = np.where(good[:, None, None], where, 0).astype(np.float32)
         profile = np.asarray(
             cv2.remap(self.smooth, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -121,10 +120,10 @@ class EdgeField:
         slope = np.zeros_like(profile)
         # Over two pixels: a shorter difference of linearly interpolated values depends on where the pixels lie.
         slope[:, 2:-2] = (profile[:, 4:] - profile[:, :-4]) / (4 * step)
-        strength = np.abs(slope)
+        strength = np.asarray(np.abs(slope))
         peak = np.zeros(strength.shape, bool)
         peak[:, 1:-1] = (strength[:, 1:-1] >= strength[:, :-2]) & (strength[:, 1:-1] > strength[:, 2:])
-        peak &= strength > minimum_slope
+        peak = np.asarray(peak & (strength > minimum_slope))
         peak[:, np.abs(offsets) > reach_px - 0.5] = False
         discounted = np.where(peak, strength * np.exp(-0.5 * (offsets / max(reach_px / 1.5, 0.5)) ** 2), 0)
         best = discounted.argmax(axis=1)

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 _MIN_COARSE_PX = 64
 _MIN_COARSE_SEMI_MAJOR_PX = 5.0
 _MIN_COARSE_SCORE = 0.5
+_COARSE_OVERLAP = 0.75  # half the resolution does not tell the two edges of a rim apart
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class GroupingParameters:
     min_share: float = 0.08
     max_error_px: float = 0.9
     min_coverage: float = 0.3
-    min_score: float = 0.35
+    min_score: float = 0.4
     min_overlap: float = 0.85
     max_apart_px: float = np.inf
     max_hypotheses: int = 1200
@@ -130,7 +131,7 @@ def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | 
     if min(image.shape) >= _MIN_COARSE_PX:
         found = [(feature.score, feature.ellipse) for feature in features]
         for score, ellipse in _coarse_ellipses(image, parameters):
-            if not any(_same(ellipse, other, parameters) for _, other in found):
+            if not any(_same(ellipse, other, _COARSE_OVERLAP, np.inf) for _, other in found):
                 found.append((score, ellipse))
         found.sort(key=lambda pair: -pair[0])
         return np.array([ellipse.geometric for _, ellipse in found]).reshape(-1, 5)
@@ -138,7 +139,7 @@ def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | 
 
 
 def _coarse_ellipses(image: NDArray[np.uint8], parameters: GroupingParameters) -> list[tuple[float, Ellipse]]:
-    """Score and ellipse of what is found at half the resolution, where soft outlines are sharp and ragged ones smooth."""
+    """Score and ellipse of what is found at half the resolution, where soft outlines are sharp."""
     half = cv2.pyrDown(image)
     smallest, largest = parameters.size_px or (2 * _MIN_COARSE_SEMI_MAJOR_PX, 2.0 * max(half.shape))
     size_px = (max(smallest / 2, _MIN_COARSE_SEMI_MAJOR_PX), largest / 2)
@@ -226,7 +227,10 @@ def _filter_survivors(
         result = _filtered(ps[k], points, parameters)
         if result is None or result.fitting_error_px > parameters.max_error_px:
             continue
-        if any(_same(result.ellipse, other.ellipse, parameters) for other in features):
+        if any(
+            _same(result.ellipse, other.ellipse, parameters.min_overlap, parameters.max_apart_px)
+            for other in features
+        ):
             continue
         features.append(
             EllipseFeature(
@@ -247,13 +251,13 @@ def _filtered(p: Array, points: Array, parameters: GroupingParameters) -> Filter
     return fit_ellipse(points, p, float(np.median(supported_px)), parameters.filter)
 
 
-def _same(a: Ellipse, b: Ellipse, parameters: GroupingParameters) -> bool:
+def _same(a: Ellipse, b: Ellipse, min_overlap: float, max_apart_px: float) -> bool:
     """Whether two ellipses are the same one, found twice, or the two edges of a thin rim."""
     reach = 0.3 * min(a.p[4], b.p[4]) / 2
     if np.abs(a.p[:2] + a.p[2:4] - b.p[:2] - b.p[2:4]).max() > 2 * reach or not 0.7 < a.p[4] / b.p[4] < 1.4:
         return False
     apart = np.abs(distances(a.p, b.sample(16))[0]).max()
-    return bool(apart < min(parameters.max_apart_px, reach)) and overlap(a, b) > parameters.min_overlap
+    return bool(apart < min(max_apart_px, reach)) and overlap(a, b) > min_overlap
 
 
 def _members(feature: EllipseFeature, points: Array, tolerance_px: float) -> tuple[int, ...]:

@@ -22,7 +22,6 @@ from vision.regions import region_ellipses
 from vision.segmentation import segment
 from vision.vision_model import VisionModel
 
-
 GREY_SLACK = (0.1, 2.5)
 SMALLEST_AREA_SHARE = 0.05
 

@@ -112,7 +112,7 @@ class Matcher:
         return sorted(accepted, key=lambda e: -e.score)
 
     def _by_strategy(self, candidates: Candidates, features: Features) -> NDArray[np.bool_]:
-        """Which candidates were seeded by the extractor that the model wants tried first for their salient feature."""
+        """Which candidates come from the extractor that the model wants tried first for their salient feature."""
         salient = self.model.salient
         return np.array([features[v][m].process == salient[k].extractor for v, m, k in candidates.seed], dtype=bool)
 

@@ -139,9 +139,8 @@ def refine_pose(
     Returns:
         None when too few edge points are left.
     """
-    T = T_world_part.copy()
+    T: Array = T_world_part.copy()
     cameras = [(np.linalg.inv(v.T_world_camera.as_matrix()), v.camera.matrix) for v in views]
-    outcome: Refinement | None = None
     for iteration in range(iterations):
         seen = observe(T, iteration)
         if len(seen.view) < 12:
@@ -156,10 +155,9 @@ def refine_pose(
             axis = np.concatenate([np.zeros(3), T[:3, 2]])
             N += 1e12 * np.outer(axis, axis)
         N += 1e-9 * np.diag(np.diag(N))
-        step = np.linalg.solve(N, J.T @ (weights * residuals))
+        step = np.asarray(np.linalg.solve(N, J.T @ (weights * residuals)), dtype=np.float64)
         T = _moved(T, step)
-        outcome = _outcome(T, N, J, residuals, weights, seen, inplane, cameras)
-    return outcome
+    return _outcome(T, N, J, residuals, weights, seen, inplane, cameras)
 
 
 def _linearise(T: Array, seen: Observations, cameras: list[tuple[Array, Array]]) -> tuple[Array, Array]:

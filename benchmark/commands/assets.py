@@ -25,3 +25,37 @@ def build(out: OptionalPath = None) -> int:
         raise InputError(f"assets in {directory}", got=error.strerror, expected="a writable directory") from None
     print(f"{len(written)} files written to {directory}")
     return 0
+
+
+def teach(out: OptionalPath = None) -> int:
+    """Have a simulated person teach the vision models of the three parts anew.
+
+    The person photographs the part on the teaching fixture, five views of either face, and clicks near its rims and
+    holes with an error of one pixel; the clicks alone make the model. Needed after a change of a part's design or of
+    an extractor.
+
+    Example: focalpick assets teach
+
+    Args:
+        out: directory of the models; the repository's own when left out.
+    """
+    from benchmark.commands.common import prepare_process
+
+    prepare_process()
+    from benchmark.localizers import MODELS
+    from benchmark.teaching import teach as teach_part
+    from benchmark.world.parts import PART_NAMES
+    from vision.errors import InputError
+    from vision.model_file import save_model
+
+    directory = out or MODELS
+    for name in PART_NAMES:
+        model = teach_part(name)
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            save_model(model, directory / f"{name}.json")
+        except OSError as error:
+            raise InputError(f"models in {directory}", got=error.strerror, expected="a writable directory") from None
+        salient = ", ".join(f.name for f in model.salient)
+        print(f"{name}: {len(model.features)} features, salient: {salient}")
+    return 0

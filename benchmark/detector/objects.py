@@ -98,7 +98,7 @@ def random_outline(
         axis = int(rng.integers(2))
         centre[axis] = (width, height)[axis] * rng.integers(2)
         centre[axis] += (1 if centre[axis] == 0 else -1) * rng.uniform(0.1, 0.9) * semi_minor
-    return Ellipse.from_geometric(*centre, semi_major, semi_minor, rng.uniform(0, np.pi))
+    return Ellipse.from_geometric(centre[0], centre[1], semi_major, semi_minor, rng.uniform(0, np.pi))
 
 
 def _shadow(rng: np.random.Generator, picture: Picture, outline: Ellipse) -> None:

@@ -98,7 +98,7 @@ def test_run_prints_each_piece(simulator: types.ModuleType, capsys: pytest.Captu
         (["check", "nowhere", "--thresholds", "nothing.toml"], "nothing.toml"),
         (["view", "nowhere"], "focalpick run --rrd FILE"),
         (["tabel"], "expected one of doctor"),
-        (["assets", "destroy"], "expected one of assets build"),
+        (["assets", "destroy"], "expected one of assets build, assets teach"),
     ],
 )
 def test_bad_arguments_are_one_line_and_exit_code_2(

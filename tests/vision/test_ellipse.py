@@ -48,7 +48,8 @@ def test_jacobian_agrees_with_finite_differences(ellipse, seed):
 
 @given(ellipses)
 def test_overlap_is_one_with_itself_and_symmetric(ellipse):
-    shifted = Ellipse.from_geometric(*(ellipse.geometric + [ellipse.semi_axes[1] / 2, 0, 0, 0, 0]))
+    x, y, *shape = ellipse.geometric
+    shifted = Ellipse.from_geometric(x + ellipse.semi_axes[1] / 2, y, *shape)
     assert overlap(ellipse, ellipse) == 1.0
     assert overlap(ellipse, shifted) == pytest.approx(overlap(shifted, ellipse), abs=1e-12)
     assert overlap(ellipse, shifted) < 1

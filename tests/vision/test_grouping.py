@@ -7,6 +7,7 @@ from hypothesis.extra.numpy import arrays
 
 from benchmark.detector.drawings import draw, fill_ellipse
 from benchmark.detector.evaluate import Tally, judge, match
+from benchmark.detector.photographs import PHOTOGRAPHIC
 from vision import GroupingParameters, detect_edges, detect_ellipses, group_edges, group_ellipses
 from vision.ellipse import Ellipse, overlap
 from vision.errors import InputError
@@ -35,10 +36,58 @@ def test_a_noisy_ellipse_is_measured_to_hundredths_of_a_pixel(axes, seed):
 def test_the_two_edges_of_a_chamfer_stay_two_ellipses(gap):
     outer = Ellipse.from_geometric(320.3, 240.2, 100, 90, 0.3)
     inner = Ellipse.from_geometric(320.3, 240.2, 100 - gap, 90 - gap, 0.3)
-    found = detect_ellipses(photograph((outer, 150.0), (inner, 200.0)))
+    image = photograph((outer, 150.0), (inner, 200.0))
+    found = detect_ellipses(image, GroupingParameters.for_model())
     assert len(found) == 2
     for truth in (outer, inner):
         assert min(np.abs(row[2:4] - truth.semi_axes).max() for row in found) < 0.3
+
+
+@pytest.mark.parametrize(("gap", "number"), [(4, 1), (30, 2)])
+def test_in_photographs_the_edges_of_a_thin_rim_are_one_and_concentric_rings_are_two(gap, number):
+    outer = Ellipse.from_geometric(320.3, 240.2, 100, 90, 0.3)
+    inner = Ellipse.from_geometric(320.3, 240.2, 100 - gap, 90 - gap, 0.3)
+    assert len(detect_ellipses(photograph((outer, 150.0), (inner, 200.0)))) == number
+
+
+@pytest.mark.parametrize("category", PHOTOGRAPHIC)
+def test_photographic_drawings_ask_for_what_can_be_seen(category):
+    drawing = draw("tune", category, 1)
+    height, width = drawing.image.shape
+    for ellipse in drawing.ellipses:
+        outline = ellipse.sample(64)
+        inside = ((outline >= -2) & (outline <= (width + 1, height + 1))).all(axis=1)
+        assert inside.mean() > 0.45
+
+
+def test_a_thin_ellipse_is_found():
+    truth = Ellipse.from_geometric(320, 240, 120, 24, 0.5)
+    (found,) = detect_ellipses(photograph((truth, 160.0)))
+    assert overlap(Ellipse.from_geometric(*found), truth) > 0.97
+
+
+def test_an_ellipse_cut_by_the_border_is_found():
+    truth = Ellipse.from_geometric(320, 460, 90, 70, 0.2)
+    (found,) = detect_ellipses(photograph((truth, 160.0)))
+    assert overlap(Ellipse.from_geometric(*found), truth) > 0.9
+
+
+def test_a_faint_ellipse_is_found_beside_strong_clutter():
+    truth = Ellipse.from_geometric(450, 240, 70, 50, 0.4)
+    image = photograph((truth, 99.0), noise=1.0)
+    cv2.rectangle(image, (20, 40), (280, 440), 250, -1)
+    for row in range(60, 430, 12):
+        cv2.line(image, (30, row), (270, row), 10, 3)
+    found = [Ellipse.from_geometric(*row) for row in detect_ellipses(image)]
+    assert any(overlap(ellipse, truth) > 0.95 for ellipse in found)
+
+
+def test_an_outline_out_of_focus_is_found():
+    truth = Ellipse.from_geometric(320, 240, 90, 70, 0.2)
+    image = cv2.GaussianBlur(photograph((truth, 140.0), noise=0.0), (0, 0), 6.0)
+    noisy = np.clip(image + np.random.default_rng(0).normal(0, 3, image.shape), 0, 255).astype(np.uint8)
+    (found,) = detect_ellipses(noisy)
+    assert overlap(Ellipse.from_geometric(*found), truth) > 0.93
 
 
 def test_an_occluded_ellipse_is_put_together_from_its_fragments():

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.camera import View
-from vision.circle_pose import Circle, project_circle
+from vision.circle_pose import project_circle
 from vision.ellipse import Ellipse, overlap
 from vision.errors import InputError
 from vision.evidence import EdgeField
