@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.detector.photographs import PHOTOGRAPHIC, compose
+from benchmark.detector.surfaces import letters_without_rings
 from vision.ellipse import Ellipse
 from vision.errors import InputError
 
@@ -204,7 +205,7 @@ def _grating(rng: np.random.Generator, canvas: Array) -> None:
 
 def _text(rng: np.random.Generator, canvas: Array) -> None:
     mask = np.zeros(canvas.shape, np.uint8)
-    letters = "".join(chr(c) for c in rng.integers(65, 91, int(rng.integers(2, 9))))
+    letters = letters_without_rings(rng.integers(65, 91, int(rng.integers(2, 9))))
     at = tuple(int(v) for v in _anywhere(rng, canvas, 1, 1)[0])
     scale, thick = float(rng.uniform(0.5, 2.5)), int(rng.integers(1, 5))
     cv2.putText(mask, letters, at, cv2.FONT_HERSHEY_SIMPLEX, scale, 255, thick, cv2.LINE_AA)

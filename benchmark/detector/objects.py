@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from benchmark.detector.surfaces import textured
+from benchmark.detector.surfaces import letters_without_rings, textured
 from vision.ellipse import Ellipse
 from vision.ellipse_filter import distances
 
@@ -197,7 +197,7 @@ def _sign(rng: np.random.Generator, picture: Picture, outline: Ellipse) -> None:
     mask = np.zeros(picture.canvas.shape, np.uint8)
     size = inner.semi_axes[1] / 40
     at = inner.centre + inner.semi_axes[1] * np.array([-0.6, 0.3])
-    text = "".join(chr(c) for c in rng.integers(48, 91, 2))
+    text = letters_without_rings(rng.integers(48, 91, 2))
     cv2.putText(
         mask,
         text,

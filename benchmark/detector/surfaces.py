@@ -67,3 +67,8 @@ def dead_leaves(rng: np.random.Generator, size: tuple[int, int], count: int) -> 
         surface = textured(rng, canvas[window].shape, grey, float(rng.choice([0.0, 3.0, 10.0, 20.0])))
         canvas[window] += cover[window] * (surface - canvas[window])
     return canvas
+
+
+def letters_without_rings(codes: NDArray[np.int64]) -> str:
+    """The characters of some codes, but none that is an ellipse itself, such as an O, which nobody would annotate."""
+    return "".join(map(chr, codes)).translate(str.maketrans("0689OQ", "1457XK"))

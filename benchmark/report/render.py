@@ -48,7 +48,7 @@ class Grid:
 
 def grids(table: Table) -> list[Grid]:
     """The grids that are shown: Table 1, Fig. 10 (a) and (b), picks, and what was counted apart."""
-    shown = [_table1(table), *(_fig10(table, stage) for stage in STAGES)]
+    shown = [_table1(table), *_joint(table), *(_fig10(table, stage) for stage in STAGES)]
     if any(rate.n for rate in table.picks.values()):
         shown.append(_picks(table))
     return [*shown, _counts(table)]
@@ -100,6 +100,34 @@ def _table1(table: Table) -> Grid:
         note=f"Pieces at least {BARELY_VISIBLE:.0%} visible. Rotation is the least over the part's symmetries;\n"
         "tilt is that of its axis, in-plane that about it (– for a part that looks the same at any angle).",
     )
+
+
+def _joint(table: Table) -> list[Grid]:
+    """The accuracy of the poses that the localizer stands by, which the paper does not give apart."""
+    methods = [m for m in table.methods if m not in PROCESS_TITLES]
+    rows = [table.find_accuracy(part, method, BARELY_VISIBLE) for part in table.parts for method in methods]
+    cells = tuple(
+        (
+            _title(row.part),
+            METHOD_TITLES.get(row.method, row.method),
+            str(row.n),
+            *(
+                _plus_minus(row.errors[name], 3)
+                for name in ("translation_mm", "rotation_deg", "tilt_deg", "inplane_deg")
+            ),
+        )
+        for row in rows
+    )
+    if not cells:
+        return []
+    columns = ("Object", "Method", "n", "Translation (mm)", "Rotation (°)", "Tilt (°)", "In-plane (°)")
+    return [
+        Grid(
+            title="Localization error of the final poses, both processes refined together",
+            columns=columns,
+            rows=cells,
+        )
+    ]
 
 
 def _accuracy_cells(row: AccuracyRow, rows: Sequence[AccuracyRow], i: int) -> tuple[str, ...]:
