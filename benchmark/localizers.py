@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -76,6 +77,8 @@ def _factory(name: str) -> Callable[[Sequence[VisionModel]], object]:
 def _imported(name: str) -> object:
     """What ``package.module:factory`` names."""
     module, _, attribute = name.partition(":")
+    if (here := str(Path.cwd())) not in sys.path:  # an installed command does not look where it is started
+        sys.path.insert(0, here)
     try:
         return getattr(importlib.import_module(module), attribute)
     except (ImportError, AttributeError, ValueError) as error:  # ValueError: the module's name is empty

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import traceback
+import warnings
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -179,12 +180,20 @@ def _result(future: Future, config: EpisodeConfig) -> EpisodeRecord:
 
 
 @contextmanager
+def _without_port_warning() -> Iterator[None]:
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=r"\s*Port \d+ is already in use", category=UserWarning)
+        yield
+
+
+@contextmanager
 def _client(workers: int) -> Iterator[Client]:
     """A cluster of processes on this machine, without dashboard and without log lines on the terminal."""
     import dask
     from distributed import Client, LocalCluster
 
     environment = {name: os.environ.get(name, value) for name, value in SINGLE_THREADED.items()}
+    # The status server that nobody looks at takes another port when two sweeps run side by side, and says so.
     settings = {
         "logging.distributed": "critical",
         "distributed.nanny.pre-spawn-environ": environment,
@@ -195,6 +204,7 @@ def _client(workers: int) -> Iterator[Client]:
         "distributed.worker.memory.terminate": False,
     }
     with (
+        _without_port_warning(),
         dask.config.set(settings),
         LocalCluster(
             n_workers=workers,

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 SMALLEST_RADIUS_PX = 4.0
 SMALLEST_FACING_COSINE = 0.35
-FAINTEST_EDGE = 2.0  # grey levels per pixel of the smoothed picture
+FAINTEST_EDGE = 5.0  # grey levels per pixel of the smoothed picture; a step of 15 levels
 CLOSEST_PX = 5.0
 LARGEST_RESIDUAL_PX = 1.0
 

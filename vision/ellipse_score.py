@@ -119,14 +119,14 @@ def _score(quality):  # type: ignore[no-untyped-def]
     """
     minor = quality[MINOR]
     evidence = (
-        6.5 * quality[COVERAGE]
-        + 1.67 * np.log(min(max(quality[SUPPORT], 1.0), 300.0))
-        + 4.9 * quality[VISIBLE]
-        + 1.95 * quality[CHAIN]
-        + 1.6 * np.log(min(minor, 40.0))
-        - 14.0 * quality[CLUTTER]
-        - 12.0 * quality[DIRECTION]
+        9.6 * quality[COVERAGE]
+        + 1.95 * np.log(min(max(quality[SUPPORT], 1.0), 300.0))
+        + 5.4 * quality[VISIBLE]
+        + 1.85 * quality[CHAIN]
+        + 2.0 * np.log(min(minor, 40.0))
+        - 20.0 * quality[CLUTTER]
+        - 11.0 * quality[DIRECTION]
         - 9.0 * quality[ERROR] / np.sqrt(1 + minor / 30)
-        - 19.0
+        - 23.6
     )
     return 1 / (1 + np.exp(-evidence))

@@ -76,8 +76,9 @@ class GroupingParameters:
 
     @classmethod
     def for_model(cls) -> GroupingParameters:
-        """For matching with a vision model: both edges of a thin rim are kept, and doubtful ellipses too."""
-        return cls(min_score=0.2, min_overlap=0.9, max_apart_px=1.5)
+        """For matching with a vision model: fainter edges, both edges of a thin rim, and doubtful ellipses too."""
+        edges = EdgeParameters(noise_factor=3.0, clutter_factor=1.0)
+        return cls(edges=edges, min_score=0.1, min_overlap=0.9, max_apart_px=1.5)
 
 
 @dataclass(frozen=True, eq=False)

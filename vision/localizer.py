@@ -158,7 +158,7 @@ def extract_features(
     if "region" in processes:
         found += region_ellipses(segment(gray), gray, constraints)
     if "group" in processes:
-        found += group_ellipses(gray, GroupingParameters())
+        found += group_ellipses(gray, GroupingParameters.for_model())
     return found
 
 

@@ -39,7 +39,7 @@ from vision.drawing import (
     region_strokes,
 )
 from vision.errors import InputError
-from vision.grouping import group_edges
+from vision.grouping import GroupingParameters, group_edges
 from vision.localizer import Localization
 from vision.model_contour import ModelContour
 from vision.pose import PoseEstimate
