@@ -6,6 +6,8 @@ import os
 # Before numpy and OpenGL are first loaded: the test processes share few cores. LP_ is Mesa's software renderer.
 os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "LP_NUM_THREADS": "1"} | os.environ
 
+os.environ["COLUMNS"] = "140"  # tables fold in a narrower terminal
+
 import cv2
 from hypothesis import settings
 

@@ -129,7 +129,7 @@ class RerunLog(EpisodeObserver):
         )
         self._recording.log(f"{entity}/image", _jpeg(flat))
         self._draw(f"{entity}/regions", region_strokes(segment(flat.gray).regions))
-        self._draw(f"{entity}/fragments", fragment_strokes(group_edges(flat.gray)))
+        self._draw(f"{entity}/fragments", fragment_strokes(group_edges(flat.gray, GroupingParameters.for_model())))
 
     def localized(self, localization: Localization, verdict: Verdict) -> None:
         """Log ellipses and poses, and the errors of these."""
