@@ -24,7 +24,11 @@ def environment_stamp(gl_renderer: str = "") -> dict[str, str]:
 @functools.cache
 def _machine() -> dict[str, str]:
     versions = {name: version(distribution) for name, distribution in _DISTRIBUTIONS.items()}
-    machine = {"python": platform.python_version(), "platform": f"{platform.system()} {platform.machine()}", "cpu": _cpu_model()}
+    machine = {
+        "python": platform.python_version(),
+        "platform": f"{platform.system()} {platform.machine()}",
+        "cpu": _cpu_model(),
+    }
     return {**versions, **machine}
 
 

@@ -24,7 +24,7 @@ from benchmark.world.drop import DropResult, OnStep
 from benchmark.world.parts import get_part
 from benchmark.world.scene import CellConfig, cell_config
 from benchmark.world.sensor import sensor_config
-from robot.viewpoints import reachable_viewpoints
+from robot.viewpoints import footprint, reachable_viewpoints, stations
 from vision.camera import View
 from vision.candidates import Workspace
 from vision.localizer import Localization
@@ -149,11 +149,18 @@ def _look(
             cell.move_joints(q, on_step)
         with watch.stage("render"):
             view = cell.capture(rng, f"view {index + 1}")
-            visible.append(cell.visibility().fraction)
+            seen = cell.visibility()
+            visible.append(np.where(seen.total_px > 0, seen.fraction, np.nan))
         observer.looked(index, view)
         views.append(view)
         true_views.append(View(view.image, view.camera, cell.camera_truth(), view.name))
-    return _Sight(tuple(views), tuple(true_views), np.mean(visible, axis=0))
+    return _Sight(tuple(views), tuple(true_views), _mean_over_views(np.array(visible)))
+
+
+def _mean_over_views(visible: Array) -> Array:
+    """Mean visible share (N,) over the views (V, N) that show any of a piece's silhouette; 0 where none does."""
+    shown = np.isfinite(visible)
+    return np.asarray(np.where(shown, visible, 0.0).sum(axis=0) / np.maximum(shown.sum(axis=0), 1))
 
 
 def _true_pieces(cell: WorkCell, dropped: DropResult, sight: _Sight) -> list[TruePiece]:
@@ -200,6 +207,21 @@ def _viewpoints(config: CellConfig, count: int) -> list[tuple[RigidTransform, Ar
     cell = next(cell for (known, _), cell in _open_cells.items() if known == config)
     target = np.array(config.bin_centre_m)
     target[2] += config.bin_wall_m / 3
-    return reachable_viewpoints(
-        cell.kinematics, cell.T_flange_camera, target, config.camera_distance_m, count, config.view_tilt_rad
-    )
+    return [
+        viewpoint
+        for x, y in bin_stations(config)
+        for viewpoint in reachable_viewpoints(
+            cell.kinematics,
+            cell.T_flange_camera,
+            target + np.array([x, y, 0.0]),
+            config.camera_distance_m,
+            count,
+            config.view_tilt_rad,
+        )
+    ]
+
+
+def bin_stations(config: CellConfig) -> Array:
+    """Where to aim, (N, 2) in metres from the bin's centre: several places if the bin is larger than a picture."""
+    largest = max(get_part(name).diameter_m for name in config.part_names)
+    return stations(config.bin_size_m, footprint(config.camera, config.camera_distance_m), overlap_m=largest)

@@ -7,6 +7,7 @@ import re
 import shlex
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
@@ -118,8 +119,21 @@ def test_a_wrong_command_does_not_parse(command, parsed):
     assert parsed == []
 
 
+def python_blocks():
+    return re.findall(r"^```python\n(.*?)^```", read("README.md"), flags=re.MULTILINE | re.DOTALL)
+
+
+def test_readme_detector_example_runs(tmp_path, monkeypatch, capsys):
+    (source,) = [block for block in python_blocks() if "detect_ellipses" in block]
+    disc = cv2.ellipse(np.full((200, 300), 30, np.uint8), (150, 100), (80, 50), 20, 0, 360, 200, -1, cv2.LINE_AA)
+    cv2.imwrite(str(tmp_path / "photo.jpg"), disc)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(source, "README.md", "exec"), {})
+    assert capsys.readouterr().out.startswith("(150.0, 100.0)  80.")
+
+
 def test_readme_localizer_runs_by_the_name_that_the_readme_gives_it(tmp_path, monkeypatch):
-    (source,) = re.findall(r"^```python\n(.*?)^```", read("README.md"), flags=re.MULTILINE | re.DOTALL)
+    (source,) = [block for block in python_blocks() if "def localize" in block]
     (name,) = {
         name for command in documented_focalpick_commands() for name in re.findall(r"--localizer (\S+:\S+)", command)
     }

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from benchmark import episode
 from benchmark.config import EpisodeConfig
-from benchmark.episode import EpisodeObserver, run_episode
+from benchmark.episode import EpisodeObserver, bin_stations, run_episode
 from benchmark.records import strip_timings, to_json
+from benchmark.world.scene import cell_config
 
 pytestmark = pytest.mark.sweep
 
@@ -77,3 +81,27 @@ def test_a_seed_gives_the_same_record_again_and_an_observer_changes_nothing(reco
     estimates = matched + record.false_positives["dual"]
     assert notes.told == ["begin", "view 1", "view 2", "view 3", f"localized {estimates} {estimates}"]
     assert to_json(strip_timings(record)) == to_json(strip_timings(records["cover1"]))
+
+
+def test_a_bin_that_fits_into_one_picture_has_one_station():
+    for part in ("hub", "cover1", "cover2"):
+        assert bin_stations(cell_config((part,))).tolist() == [[0.0, 0.0]]
+
+
+def test_a_bin_larger_than_a_picture_is_photographed_from_several_stations(monkeypatch):
+    longer_lens = replace(cell_config(("cover2",), 4), focal_length_m=0.022)
+    monkeypatch.setattr(episode, "cell_config", lambda parts, pieces: longer_lens)
+    places = bin_stations(longer_lens)
+    watcher = Watcher()
+    record = run_episode(EpisodeConfig(("cover2",), seed=10_000, views=2, task="none"), watcher)
+    assert len(places) > 1
+    assert len(watcher.views) == 2 * len(places)
+    assert sum(piece.results["dual"].matched for piece in record.pieces) >= 3
+
+
+class Watcher(EpisodeObserver):
+    def __init__(self):
+        self.views = []
+
+    def looked(self, index, view):
+        self.views.append(view)
