@@ -66,10 +66,10 @@ def test_a_seed_gives_the_same_record_again_and_an_observer_changes_nothing(reco
         def __init__(self):
             self.told = []
 
-        def begin(self, cell, config):  # noqa: ARG002
+        def begin(self, cell, config):
             self.told.append("begin")
 
-        def looked(self, index, view):  # noqa: ARG002
+        def looked(self, index, view):
             self.told.append(view.name)
 
         def localized(self, localization, verdict):
@@ -90,7 +90,7 @@ def test_a_bin_that_fits_into_one_picture_has_one_station():
 
 def test_a_bin_larger_than_a_picture_is_photographed_from_several_stations(monkeypatch):
     longer_lens = replace(cell_config(("cover2",), 4), focal_length_m=0.022)
-    monkeypatch.setattr(episode, "cell_config", lambda parts, pieces: longer_lens)
+    monkeypatch.setattr(episode, "cell_config", lambda *_: longer_lens)
     places = bin_stations(longer_lens)
     watcher = Watcher()
     record = run_episode(EpisodeConfig(("cover2",), seed=10_000, views=2, task="none"), watcher)

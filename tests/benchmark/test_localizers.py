@@ -25,7 +25,7 @@ class Blind:
     def __init__(self, models):
         self.models = models
 
-    def localize(self, views, workspace=None):  # noqa: ARG002
+    def localize(self, views, workspace=None):
         return Localization(())
 
 

@@ -144,7 +144,7 @@ def test_anything_with_a_name_that_localises_views_is_a_localizer(dual):
     class Blind:
         name = "blind"
 
-        def localize(self, views, workspace=None):  # noqa: ARG002
+        def localize(self, views, workspace=None):
             return Localization(())
 
     assert isinstance(dual, Localizer)
