@@ -243,3 +243,9 @@ def opencv_pose(data: mujoco.MjData, camera_id: int) -> RigidTransform:
     """
     rotation = Rotation.from_matrix(data.cam_xmat[camera_id].reshape(3, 3) @ _OPENGL_TO_OPENCV)
     return RigidTransform.from_components(data.cam_xpos[camera_id], rotation)
+
+
+def mujoco_quaternion(T_world_camera: RigidTransform) -> Array:
+    """The other way: (4,) w, x, y, z of the MuJoCo camera whose OpenCV pose this is."""
+    rotation = T_world_camera.rotation * Rotation.from_matrix(_OPENGL_TO_OPENCV)
+    return np.asarray(rotation.as_quat(scalar_first=True))

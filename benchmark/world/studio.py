@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmark.world import gl
-from benchmark.world.sensor import SensorConfig, capture
+from benchmark.world.sensor import SensorConfig, capture, mujoco_quaternion
 from vision.camera import Camera, View
 
 Array = NDArray[np.float64]
@@ -132,10 +132,8 @@ class Studio:
         mujoco.mj_forward(self._model, self._data)
 
     def _render(self, T_world_camera: RigidTransform) -> NDArray[np.uint8]:
-        # The camera's frame in MuJoCo looks along -z with y up.
         self._model.cam_pos[0] = T_world_camera.translation
-        gl_rotation = T_world_camera.rotation * Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
-        self._model.cam_quat[0] = gl_rotation.as_quat(scalar_first=True)
+        self._model.cam_quat[0] = mujoco_quaternion(T_world_camera)
         mujoco.mj_forward(self._model, self._data)
         self._renderer.update_scene(self._data, "eye")
         return np.asarray(self._renderer.render())
