@@ -6,9 +6,13 @@ The names below are imported when they are first used: ``import vision.errors`` 
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from vision import kernel_cache
+
 if TYPE_CHECKING:
     from vision.edges import EdgeMap, EdgeParameters, detect_edges
     from vision.grouping import Grouping, GroupingParameters, detect_ellipses, group_edges, group_ellipses
+
+kernel_cache.settle()  # before any module with kernels is imported
 
 __all__ = [
     "EdgeMap",
