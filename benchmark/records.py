@@ -91,7 +91,7 @@ class PickRecord:
             collision-free way was found counts as attempted and failed.
         piece: index of the piece, None when the estimate belongs to no piece or nothing was attempted.
         succeeded: the piece ended up where it should.
-        failed_stage: such as ``plan``, ``approach``, ``grip``, ``lift``, ``place``; None on success.
+        failed_stage: such as ``plan``, ``grip``, ``lift``, ``place``; None on success.
         grasp: name of the grasp.
     """
 
