@@ -69,8 +69,9 @@ smoke: install gl  ## Run a sweep of a few scenes and hold it against its thresh
 	$(BIN)/focalpick table "$$out/smoke"
 	$(BIN)/focalpick check "$$out/smoke" --thresholds benchmark/thresholds/smoke.toml
 
-bench: install  ## Measure the ellipse detector on drawn pictures: precision, recall, F and time
+bench: install gl  ## Measure the ellipse detector on drawn pictures, and the time of the vision step by stages
 	@$(BIN)/python -m benchmark.detector.evaluate
+	$(BIN)/python -m benchmark.vision_timing
 
 lint: install  ## Check style and types
 	@$(BIN)/ruff check .

@@ -27,9 +27,11 @@ COMMANDS = {
     "run": "benchmark.commands.run:run",
     "view": "benchmark.commands.view:view",
     "sweep": "benchmark.commands.sweep:sweep",
+    "teach": "benchmark.commands.teach:teach",
     "explain": "benchmark.commands.explain:explain",
     "table": "benchmark.commands.table:table",
     "check": "benchmark.commands.check:check",
+    "model show": "benchmark.commands.model:show",
     "assets build": "benchmark.commands.assets:build",
     "assets teach": "benchmark.commands.assets:teach",
 }

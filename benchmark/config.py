@@ -6,9 +6,11 @@ import hashlib
 import json
 import os
 import zlib
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Literal, get_args
 
+from benchmark.decode import MAY_BE_MISSING
+from benchmark.variant import Variant
 from vision.errors import InputError
 
 Task = Literal["pick", "none"]
@@ -24,7 +26,7 @@ class EpisodeConfig:
     """One scene: pieces dropped into the bin, photographed, localised and, with task ``pick``, picked.
 
     Attributes:
-        parts: names of the part types in the scene; one name, or several for a mixed scene.
+        parts: names of the part types in the scene, or mesh files; one, or several for a mixed scene.
         pieces: how many pieces are dropped (the paper: 4 to 6).
         scene: index of the scene within its sweep.
         seed: seeds everything random in the episode.
@@ -32,6 +34,8 @@ class EpisodeConfig:
         localizer: one of ``LOCALIZERS``, or the user's own as ``benchmark.localizers`` finds it.
         views: number of viewpoints, 2 or 3.
         task: ``pick`` lets the robot pick, ``none`` stops after localisation.
+        variant: what is different in this episode of a study; None outside studies.
+        models: directory of vision models that come before the shipped ones, None for these alone.
     """
 
     parts: tuple[str, ...]
@@ -42,6 +46,8 @@ class EpisodeConfig:
     localizer: str = "dual"
     views: int = 3
     task: Task = "pick"
+    variant: Variant | None = field(default=None, metadata=MAY_BE_MISSING)
+    models: str | None = field(default=None, metadata=MAY_BE_MISSING)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parts", tuple(self.parts))
@@ -58,13 +64,14 @@ class EpisodeConfig:
 
     @property
     def key(self) -> str:
-        """Names the episode within a sweep, for example ``hub/007``."""
-        return f"{self.kind}/{self.scene:03d}"
+        """Names the episode within a sweep, for example ``hub/007``, or ``hub/007/hand-eye-0.5mm`` in a study."""
+        scene = f"{self.kind}/{self.scene:03d}"
+        return scene if self.variant is None else f"{scene}/{self.variant.name}"
 
     @property
     def config_hash(self) -> str:
         """SHA-256 of the canonical JSON, 64 hexadecimal digits."""
-        return _hash(asdict(self))
+        return _hash(as_fields(self))
 
 
 @dataclass(frozen=True)
@@ -81,6 +88,8 @@ class SweepConfig:
         seed: seeds the whole sweep.
         task: as in ``EpisodeConfig``.
         workers: processes that run episodes; has no influence on any result and no part in the hash.
+        variants: what a study varies: every scene is run once in each variant. Empty outside studies.
+        models: as in ``EpisodeConfig``.
     """
 
     parts: tuple[str, ...]
@@ -92,6 +101,8 @@ class SweepConfig:
     seed: int = 0
     task: Task = "pick"
     workers: int = 1
+    variants: tuple[Variant, ...] = field(default=(), metadata=MAY_BE_MISSING)
+    models: str | None = field(default=None, metadata=MAY_BE_MISSING)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parts", tuple(self.parts))
@@ -104,20 +115,26 @@ class SweepConfig:
         _check_number("scenes", self.scenes, 1)
         _check_number("seed", self.seed, 0)
         _check_number("workers", self.workers, 1)
+        object.__setattr__(self, "variants", tuple(self.variants))
+        if len({variant.name for variant in self.variants}) != len(self.variants):
+            raise InputError("variants", got=", ".join(v.name for v in self.variants), expected="different ones")
         _check_common(self)
 
     @property
     def config_hash(self) -> str:
         """SHA-256 of the canonical JSON without ``workers``, 64 hexadecimal digits."""
-        return _hash({k: v for k, v in asdict(self).items() if k != "workers"})
+        return _hash({k: v for k, v in as_fields(self).items() if k != "workers"})
 
     @property
     def part_names(self) -> tuple[str, ...]:
         """Every part type of the sweep, once, in the order of first appearance."""
         return tuple(dict.fromkeys(name for kind in self.parts for name in kind.split("+")))
 
-    def episode(self, kind: str, scene: int) -> EpisodeConfig:
-        """Scene number ``scene`` of one kind; does not depend on which other kinds are in the sweep."""
+    def episode(self, kind: str, scene: int, variant: Variant | None = None) -> EpisodeConfig:
+        """Scene number ``scene`` of one kind; does not depend on which other kinds are in the sweep.
+
+        The variants of a scene share its seed, so that nothing but what is varied tells them apart.
+        """
         return EpisodeConfig(
             parts=tuple(kind.split("+")),
             pieces=self.pieces,
@@ -127,12 +144,24 @@ class SweepConfig:
             localizer=self.localizer,
             views=self.views,
             task=self.task,
+            variant=variant,
+            models=self.models,
         )
 
 
 def episodes(sweep: SweepConfig) -> list[EpisodeConfig]:
     """All episodes of a sweep, round-robin over the kinds so that a part of the sweep is balanced."""
-    return [sweep.episode(kind, scene) for scene in range(sweep.scenes) for kind in sweep.parts]
+    variants = sweep.variants or (None,)
+    return [sweep.episode(k, scene, v) for scene in range(sweep.scenes) for k in sweep.parts for v in variants]
+
+
+def as_fields(config: EpisodeConfig | SweepConfig) -> dict[str, Any]:
+    """The configuration as plain values for JSON, as it is hashed and stored.
+
+    Fields that older versions did not have are left out at their default: old results keep their hash.
+    """
+    newer = {f.name: f.default for f in fields(config) if f.metadata == MAY_BE_MISSING}
+    return {k: v for k, v in asdict(config).items() if k not in newer or getattr(config, k) != newer[k]}
 
 
 def episode_seed(sweep_seed: int, kind: str, scene: int) -> int:
@@ -184,7 +213,24 @@ def _check_common(config: EpisodeConfig | SweepConfig) -> None:
         raise InputError("task", got=config.task, expected=" or ".join(TASKS))
 
 
+_TABLE_1 = SweepConfig(parts=("hub", "cover1", "cover2"), workers=os.cpu_count() or 1)
 PRESETS: dict[str, SweepConfig] = {
-    "table1": SweepConfig(parts=("hub", "cover1", "cover2"), workers=os.cpu_count() or 1),
-    "smoke": SweepConfig(parts=("hub", "cover1", "cover2"), scenes=2, workers=os.cpu_count() or 1),
+    "table1": _TABLE_1,
+    "smoke": replace(_TABLE_1, scenes=2),
+    "calibration": replace(
+        _TABLE_1,
+        scenes=10,
+        task="none",
+        variants=tuple(Variant(hand_eye_mm=error) for error in (0.0, 0.25, 0.5, 1.0, 1.5, 2.0)),
+    ),
+    "teaching": replace(
+        _TABLE_1,
+        scenes=5,
+        task="none",
+        variants=tuple(
+            Variant(click_sigma_px=sigma, taught_views=views)
+            for views in (5, 4, 3, 2)
+            for sigma in (0.0, 1.0, 2.0, 3.0, 5.0)
+        ),
+    ),
 }

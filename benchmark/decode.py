@@ -12,6 +12,9 @@ from vision.errors import FileFormatError, InputError
 
 T = TypeVar("T")
 
+MAY_BE_MISSING = types.MappingProxyType({"may_be_missing": True})
+"""Metadata of a field that files of older versions do not have; where it is missing, it has its default."""
+
 
 def decode(cls: type[T], value: object, source: str) -> T:
     """A dataclass from what ``json.loads`` gives for its ``asdict``.
@@ -52,11 +55,13 @@ def _decode_dataclass(cls: type, value: object, source: str, path: str) -> objec
     if not isinstance(value, dict):
         raise _error(source, path, f"{value!r:.40}", f"an object with the fields of {cls.__name__}")
     hints = typing.get_type_hints(cls)
-    for name in hints.keys() - value.keys():
+    optional = {f.name for f in dataclasses.fields(cls) if f.metadata == MAY_BE_MISSING}
+    for name in hints.keys() - value.keys() - optional:
         raise _error(source, f"{path}.{name}", "nothing", "a value")
     for name in value.keys() - hints.keys():
         raise _error(source, f"{path}.{name}", "an unknown field", f"one of {', '.join(hints)}")
-    fields = {name: _decode(hint, value[name], source, f"{path}.{name}") for name, hint in hints.items()}
+    given = {name: hint for name, hint in hints.items() if name in value}
+    fields = {name: _decode(hint, value[name], source, f"{path}.{name}") for name, hint in given.items()}
     try:
         return cls(**fields)
     except FileFormatError:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,19 +16,21 @@ from scipy.spatial.transform import RigidTransform
 from benchmark.config import EpisodeConfig
 from benchmark.environment import environment_stamp
 from benchmark.evaluation import TruePiece, Verdict, judge
-from benchmark.localizers import load_model, make_localizer
+from benchmark.localizers import Truth, load_model, make_localizer
 from benchmark.picking import Picker, PickOutcome
 from benchmark.records import EpisodeRecord, PickRecord
+from benchmark.variant_models import Untaught, taught_models
 from benchmark.world import gl
 from benchmark.world.cell import WorkCell
 from benchmark.world.drop import DropResult, OnStep
 from benchmark.world.parts import get_part
 from benchmark.world.scene import CellConfig, cell_config
-from benchmark.world.sensor import sensor_config
+from benchmark.world.sensor import sensor_config, with_hand_eye_error
 from robot.viewpoints import footprint, reachable_viewpoints, stations
 from vision.camera import View
 from vision.candidates import Workspace
-from vision.localizer import Localization
+from vision.errors import InputError
+from vision.localizer import Localization, Localizer
 
 Array = NDArray[np.float64]
 
@@ -76,15 +79,18 @@ class _Sight:
     visibility: Array
 
 
-def run_episode(config: EpisodeConfig, observer: EpisodeObserver | None = None) -> EpisodeRecord:
+def run_episode(
+    config: EpisodeConfig, observer: EpisodeObserver | None = None, study: Path | None = None
+) -> EpisodeRecord:
     """Run one episode.
 
     Args:
         config: what to run.
         observer: is told what happens.
+        study: directory of the sweep, for a variant with vision models of its own.
 
     Raises:
-        InputError: an unknown part or localizer.
+        InputError: an unknown part or localizer, or a variant without its models.
         ResourceError: something that the machine lacks.
     """
     # Stepping one by one, for an observer's sake, costs more than the physics of a move.
@@ -92,26 +98,22 @@ def run_episode(config: EpisodeConfig, observer: EpisodeObserver | None = None) 
     observer = observer or EpisodeObserver()
     watch = Stopwatch()
     with watch.stage("total"):
-        cell = _cell(cell_config(config.parts, config.pieces), config.sensor)
+        cell = _cell(config)
         observer.begin(cell, config)
         drop_rng, sensor_rng = np.random.default_rng(config.seed).spawn(2)
         with watch.stage("drop"):
             dropped = cell.drop(drop_rng, on_step)
         sight = _look(cell, config, sensor_rng, watch, observer, on_step)
         pieces = _true_pieces(cell, dropped, sight)
-        localizer = make_localizer(
-            config.localizer,
-            [load_model(p) for p in config.parts],
-            lambda: [(p.part, p.T_world_part) for p in pieces],
-        )
+        localizer = _localizer(config, study, lambda: [(p.part, p.T_world_part) for p in pieces])
         with watch.stage("vision"):
             localization = localizer.localize(sight.views, workspace(cell.config))
-        verdict = judge(localization, localizer.name, pieces, sight.true_views)
+        verdict = judge(localization, localizer.name, pieces, sight.true_views, config.models)
         observer.localized(localization, verdict)
         picks: tuple[PickRecord, ...] = ()
         if config.task == "pick":
             with watch.stage("motion"):
-                picks = (_pick(cell, localization, verdict, observer, on_step),)
+                picks = (_pick(cell, localization, verdict, observer, on_step, config.models),)
     return EpisodeRecord(
         key=config.key,
         parts=config.parts,
@@ -124,6 +126,17 @@ def run_episode(config: EpisodeConfig, observer: EpisodeObserver | None = None) 
         false_positives=verdict.false_positives,
         timings_s=watch.seconds,
     )
+
+
+def _localizer(config: EpisodeConfig, study: Path | None, truth: Truth) -> Localizer:
+    """What the episode's localizer is, with the models that the episode's variant has been taught."""
+    if config.variant is None or not config.variant.is_taught:
+        return make_localizer(config.localizer, [load_model(part, config.models) for part in config.parts], truth)
+    if study is None:
+        expected = "the directory of the sweep in which it was taught"
+        raise InputError(f"models of variant {config.variant.name}", got="none", expected=expected)
+    models = taught_models(study, config.variant, config.parts)
+    return make_localizer(config.localizer, models, truth) if models else Untaught(config.localizer)
 
 
 def workspace(config: CellConfig) -> Workspace:
@@ -178,10 +191,11 @@ def _pick(
     verdict: Verdict,
     observer: EpisodeObserver,
     on_step: OnStep | None,
+    models: str | None,
 ) -> PickRecord:
     if not localization.estimates:
         return PickRecord(attempted=False, piece=None, succeeded=False)
-    outcome = Picker(cell, on_step).pick(localization.estimates)
+    outcome = Picker(cell, on_step, models).pick(localization.estimates)
     observer.picked(outcome)
     owner = None if outcome.estimate is None else verdict.owner[outcome.estimate]
     return PickRecord(True, owner, outcome.succeeded, outcome.failed_stage, outcome.grasp)
@@ -190,15 +204,20 @@ def _pick(
 _open_cells: dict[tuple[CellConfig, str], WorkCell] = {}
 
 
-def _cell(config: CellConfig, sensor: str) -> WorkCell:
-    """A cell for this configuration; the last one is kept open, for compiling one takes longer than a drop."""
-    key = (config, sensor)
+def _cell(config: EpisodeConfig) -> WorkCell:
+    """A cell for this episode; the last one is kept open, for compiling one takes longer than a drop."""
+    sensor = sensor_config(config.sensor)
+    key = (cell_config(config.parts, config.pieces), config.sensor)
     if key not in _open_cells:
         for other in _open_cells.values():
             other.close()
         _open_cells.clear()
-        _open_cells[key] = WorkCell(config, sensor_config(sensor))
-    return _open_cells[key]
+        _open_cells[key] = WorkCell(key[0], sensor)
+    cell = _open_cells[key]
+    hand_eye_mm = config.variant.hand_eye_mm if config.variant is not None else None
+    # Another calibration needs no other cell: it is drawn anew with every drop.
+    cell.sensor = sensor if hand_eye_mm is None else with_hand_eye_error(sensor, hand_eye_mm / 1000)
+    return cell
 
 
 @lru_cache(maxsize=8)

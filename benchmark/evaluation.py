@@ -67,7 +67,11 @@ class Verdict:
 
 
 def judge(
-    localization: Localization, method: str, pieces: Sequence[TruePiece], true_views: Sequence[View]
+    localization: Localization,
+    method: str,
+    pieces: Sequence[TruePiece],
+    true_views: Sequence[View],
+    models: str | None = None,
 ) -> Verdict:
     """Compare a localization, and what each of its extractors would have said alone, with the truth.
 
@@ -76,12 +80,13 @@ def judge(
         method: name of the localizer.
         pieces: the truth.
         true_views: the images with the true camera poses, to project the true salient ellipses.
+        models: directory of vision models that come before the shipped ones.
     """
     answers = {**localization.by_process, method: localization.estimates}
     assignments = {name: assign_estimates(estimates, pieces) for name, estimates in answers.items()}
     records = []
     for index, piece in enumerate(pieces):
-        ellipses = [_salient_ellipses(piece, view) for view in true_views]
+        ellipses = [_salient_ellipses(piece, view, models) for view in true_views]
         results = {
             name: _result(index, piece, answers[name], assignments[name], _extracted(name, ellipses, localization))
             for name in answers
@@ -140,10 +145,10 @@ def _best_overlap(expected: Ellipse, found: Sequence[EllipseFeature]) -> float:
     return max((overlap(expected, e) for e in near), default=0.0)
 
 
-def _salient_ellipses(piece: TruePiece, view: View) -> list[Ellipse]:
+def _salient_ellipses(piece: TruePiece, view: View, models: str | None) -> list[Ellipse]:
     """Images of the taught salient circles that face the camera, at the piece's true pose."""
     ellipses = []
-    for feature in load_model(piece.part).salient:
+    for feature in load_model(piece.part, models).salient:
         circle = feature.circle.moved(piece.T_world_part)
         towards = view.T_world_camera.translation - circle.centre
         if circle.normal @ towards > FACING_COSINE * np.linalg.norm(towards):

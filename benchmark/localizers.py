@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from benchmark.world.mesh_file import MeshReference
 from vision import model_file
 from vision.camera import View
 from vision.candidates import Workspace
@@ -29,14 +30,22 @@ _BUILT_IN: dict[str, tuple[str, ...]] = {"dual": ("region", "group"), "region": 
 
 
 @lru_cache
-def load_model(part: str) -> VisionModel:
-    """The taught vision model of a part.
+def load_model(part: str, models: str | None = None) -> VisionModel:
+    """The taught vision model of a part, under the name by which the scene knows the part.
+
+    Args:
+        part: its name, or a mesh file; the model's file has the name of the part, or of the mesh file without suffix.
+        models: directory of models that come before the shipped ones.
 
     Raises:
         InputError: the part was never taught.
         FileFormatError: the model file is corrupt.
     """
-    return model_file.load_model(MODELS / f"{part}.json")
+    mesh = MeshReference.parse(part)
+    file = f"{part if mesh is None else mesh.path.stem}.json"
+    own = None if models is None else Path(models) / file
+    model = model_file.load_model(own if own is not None and own.is_file() else MODELS / file)
+    return model if mesh is None else replace(model, part=part)
 
 
 def make_localizer(name: str, models: Sequence[VisionModel], truth: Truth) -> Localizer:

@@ -169,8 +169,8 @@ def assign(
     return Assignment(tuple(sorted(pairs, key=lambda pair: pair[1])), spare)
 
 
-def wilson_interval(successes: int, n: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Wilson score interval of a rate; (0, 1), which says nothing, for n = 0."""
+def wilson_interval(successes: float, n: float, confidence: float = 0.95) -> tuple[float, float]:
+    """Wilson score interval of a rate; (0, 1), which says nothing, for n = 0. Counts need not be whole."""
     if n == 0:
         return 0.0, 1.0
     z = statistics.NormalDist().inv_cdf((1 + confidence) / 2)

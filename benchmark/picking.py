@@ -75,14 +75,15 @@ class _Placing:
 class Picker:
     """Plans and carries out picks in one cell."""
 
-    def __init__(self, cell: WorkCell, on_step: OnStep | None = None) -> None:
+    def __init__(self, cell: WorkCell, on_step: OnStep | None = None, models: str | None = None) -> None:
         """Prepare.
 
         Args:
             cell: the running cell.
             on_step: called after every physics step.
+            models: directory of vision models that come before the shipped ones.
         """
-        self._cell, self._on_step = cell, on_step
+        self._cell, self._on_step, self._models = cell, on_step, models
         self._geometry = GripperGeometry.from_mjcf(cell.config.gripper_xml)
         self._gripper = Gripper(cell.model, cell.data, GRIPPER_PREFIX)
 
@@ -102,7 +103,7 @@ class Picker:
         pieces = [
             Piece(
                 e.T_world_part,
-                opened_grasps_of(e.part, config.gripper_xml, settings.approach_m),
+                opened_grasps_of(e.part, config.gripper_xml, settings.approach_m, self._models),
                 surface_points(e.part),
                 _confidence(e),
             )
@@ -227,9 +228,12 @@ def surface_points(part: str) -> Array:
 
 
 @cache
-def opened_grasps_of(part: str, gripper_xml: Path, approach_m: float) -> tuple[OpenedGrasp, ...]:
+def opened_grasps_of(
+    part: str, gripper_xml: Path, approach_m: float, models: str | None = None
+) -> tuple[OpenedGrasp, ...]:
     """The taught grasps of a part that the gripper can reach past the part itself; see `opened_grasps`."""
-    taught = [TaughtGrasp(g.name, g.T_part_tcp, g.width_m, g.kind, g.copies) for g in load_model(part).grasps]
+    grasps = load_model(part, models).grasps
+    taught = [TaughtGrasp(g.name, g.T_part_tcp, g.width_m, g.kind, g.copies) for g in grasps]
     return opened_grasps(GripperGeometry.from_mjcf(gripper_xml), taught, surface_points(part), approach_m)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, NoReturn
 
-from benchmark.config import SweepConfig
+from benchmark.config import SweepConfig, as_fields
 from benchmark.decode import decode
 from benchmark.records import SCHEMA, EpisodeRecord, from_json, parse_object, to_json
 from vision.errors import FileFormatError, InputError, ResourceError
@@ -152,7 +152,7 @@ def _write_config(directory: Path, config: SweepConfig) -> None:
     """Write ``sweep.json`` whole or not at all."""
     temporary = directory / f".{SWEEP_FILE}.{os.getpid()}"
     with open(temporary, "w", encoding="utf-8") as file:
-        json.dump({"schema": SCHEMA, **asdict(config)}, file, indent=2)
+        json.dump({"schema": SCHEMA, **as_fields(config)}, file, indent=2)
         file.write("\n")
         file.flush()
         os.fsync(file.fileno())
@@ -161,7 +161,7 @@ def _write_config(directory: Path, config: SweepConfig) -> None:
 
 def _differences(found: SweepConfig, wanted: SweepConfig) -> tuple[str, str]:
     """The options in which two configurations differ, as text, for each of them."""
-    a, b = asdict(found), asdict(wanted)
+    a, b = ({**asdict(config), "variants": [v.name for v in config.variants]} for config in (found, wanted))
     names = [name for name in a if a[name] != b[name] and name != "workers"]
     texts = [", ".join(f"{name}={_text(fields[name])}" for name in names) for fields in (a, b)]
     return texts[0], texts[1]

@@ -46,6 +46,7 @@ def run_sweep(
     run_episode: RunEpisode | None = None,
     workers: int | None = None,
     on_progress: OnProgress | None = None,
+    prepare: Callable[[], None] | None = None,
 ) -> list[EpisodeRecord]:
     """Run the episodes of a sweep that are not yet recorded.
 
@@ -58,6 +59,7 @@ def run_sweep(
         run_episode: a function that can be pickled; the real one by default.
         workers: overrides ``config.workers``; 1 runs in this process.
         on_progress: called with (done, total, record) at the start, with None, and after each episode.
+        prepare: called once before any episode, when the directory has been found to be this sweep's own.
 
     Returns:
         All records of the sweep, old and new, sorted by key.
@@ -76,6 +78,8 @@ def run_sweep(
         remaining = _remaining(plan, recorded, out)
         done = len(plan) - len(remaining)
         notify = on_progress or (lambda *_: None)
+        if prepare is not None:
+            prepare()
         notify(done, len(plan), None)
         run = _run_parallel if min(workers, len(remaining)) > 1 else _run_here
         try:

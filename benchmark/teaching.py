@@ -1,7 +1,8 @@
 """A simulated person who teaches a part: sees its rims in the views and clicks near them.
 
 Stands in for the human of Section 4 where a model is to be made without one. The person's eye is the ground truth of
-the part's rims, the hand adds an error to every click; the vision system gets the clicks alone.
+the part's rims, the hand adds an error to every click. Everything it does is an event of a teaching session, as on
+the teaching page, and the vision system gets these events and the views alone.
 """
 
 from __future__ import annotations
@@ -17,10 +18,12 @@ from benchmark.world.sensor import SensorConfig, sensor_config
 from benchmark.world.studio import Sitter, Studio
 from vision.camera import View
 from vision.circle_pose import Circle, project_circle
+from vision.errors import InputError
 from vision.evidence import EdgeField
-from vision.localizer import extract_features
-from vision.teaching.lesson import Lesson, TaughtFeature, acquire, locate
-from vision.vision_model import BoreCoordinates, GraspCoordinates, Role, VisionModel
+from vision.teaching import events as ev
+from vision.teaching.lesson import locate
+from vision.teaching.session import Session, build_model
+from vision.vision_model import VisionModel
 
 Array = NDArray[np.float64]
 
@@ -29,6 +32,7 @@ SMALLEST_FACING_COSINE = 0.35
 FAINTEST_EDGE = 5.0  # grey levels per pixel of the smoothed picture; a step of 15 levels
 CLOSEST_PX = 5.0
 LARGEST_RESIDUAL_PX = 1.0
+SECONDS_PER_EVENT = 1.5
 
 
 @dataclass(frozen=True)
@@ -60,54 +64,83 @@ def teach(name: str, operator: Operator | None = None, sensor: SensorConfig | No
         InputError: for an unknown part.
         ResourceError: when the machine cannot draw.
     """
+    session, views = record(name, operator, sensor)
+    return build_model(session, views)
+
+
+def record(
+    part: str | Part, operator: Operator | None = None, sensor: SensorConfig | None = None
+) -> tuple[Session, list[View]]:
+    """Have a part taught, and keep everything that was done; errors as of `teach`.
+
+    Args:
+        part: its name, or any part whose rims are known.
+        operator: who teaches.
+        sensor: the camera's imperfections.
+
+    Returns:
+        The session, and the grey views that it was recorded on.
+    """
     operator, sensor = operator or Operator(), sensor or sensor_config("lab")
-    part = get_part(name)
+    part = get_part(part) if isinstance(part, str) else part
     with Studio(Sitter(part.visual_mesh, part.diameter_m, part.rgba)) as studio:
-        views = studio.photograph(sensor, operator.seed)
-        features = mark_features(part, views, studio, operator)
-    found = [extract_features(view, ("region", "group")) for view in views]
-    lesson = Lesson(part.name, part.diameter_m, features, part.symmetry.fold, grasps_of(part), bore_of(part))
-    return acquire(lesson, views, found)
+        views = [replace(view, image=view.gray) for view in studio.photograph(sensor, operator.seed)]
+        person = _Person(part, views, studio, operator)
+        person.teach()
+    return person.session, views
 
 
-def grasps_of(part: Part) -> tuple[GraspCoordinates, ...]:
-    """The grasps that the person places on the part."""
-    return tuple(GraspCoordinates(g.name, g.T_part_tcp, g.width_m, g.kind, g.copies) for g in part.grasps)
+class _Person:
+    """Sits at the teaching page."""
 
+    def __init__(self, part: Part, views: Sequence[View], studio: Studio, operator: Operator) -> None:
+        self.session = Session.start(views)
+        self._part, self._views, self._studio, self._operator = part, views, studio, operator
+        self._edges = [EdgeField.from_gray(view.gray) for view in views]
+        self._rng = np.random.default_rng(operator.seed)
 
-def bore_of(part: Part) -> BoreCoordinates:
-    """The bore that the person points out."""
-    return BoreCoordinates(part.bore.T_part_bore, part.bore.diameter_m, part.bore.depth_m)
+    def teach(self) -> None:
+        """Describe the part, mark what can be told apart, place the grasps, point out the bore."""
+        part = self._part
+        self._do(ev.DescribePart(part.name, part.diameter_m, part.symmetry.fold))
+        shown = {rim: _views_that_show(rim, self._views, self._studio) for rim in part.rims}
+        shown = {rim: seen for rim, seen in shown.items() if len(seen) >= 2}
+        for rim in _told_apart(shown, self._views, self._edges):
+            self._mark(rim, shown[rim])
+            self._make_consistent(rim.name)
+        for grasp in part.grasps:
+            pose = ev.matrix_of(grasp.T_part_tcp)
+            self._do(ev.PlaceGrasp(grasp.name, grasp.name, pose, grasp.width_m, grasp.kind, grasp.copies))
+        if part.bore is not None:
+            bore = part.bore
+            self._do(ev.SetBore(ev.matrix_of(bore.T_part_bore), bore.diameter_m, bore.depth_m))
 
+    def _do(self, event: ev.Event) -> None:
+        time_s = SECONDS_PER_EVENT * (len(self.session.events) + 1)
+        self.session = self.session.do(replace(event, time_s=time_s))
 
-def mark_features(part: Part, views: Sequence[View], studio: Studio, operator: Operator) -> tuple[TaughtFeature, ...]:
-    """Click the rims that a person can tell apart, in every view that shows them."""
-    rng = np.random.default_rng(operator.seed)
-    shown = {rim: _views_that_show(rim, views, studio) for rim in part.rims}
-    edges = [EdgeField.from_gray(view.gray) for view in views]
-    features = []
-    for rim in _told_apart({rim: seen for rim, seen in shown.items() if len(seen) >= 2}, views, edges):
-        numbers = list(shown[rim])[: operator.views]
-        clicks = {number: _click(shown[rim][number], views[number], operator, rng) for number in numbers}
-        role: Role = "supporting" if rim.offset_m else "salient"
-        feature = _made_consistent(TaughtFeature(rim.name, role, clicks, rim.copies), views, edges)
-        if feature is not None:
-            features.append(feature)
-    return tuple(features)
+    def _mark(self, rim: Rim, seen: dict[int, Array]) -> None:
+        """Click along the rim in the views that show it."""
+        self._do(ev.AddFeature(rim.name, rim.name, "supporting" if rim.offset_m else "salient"))
+        if rim.copies > 1:
+            self._do(ev.SetCopies(rim.name, rim.copies))
+        for number in list(seen)[: self._operator.views]:
+            for x, y in _click(seen[number], self._views[number], self._operator, self._rng):
+                self._do(ev.AddPoint(rim.name, number, float(x), float(y)))
 
-
-def _made_consistent(
-    feature: TaughtFeature, views: Sequence[View], edges: Sequence[EdgeField]
-) -> TaughtFeature | None:
-    """Unmark the views that the system calls inconsistent, the worst first; give a feature up at less than two."""
-    clicks = dict(feature.clicks)
-    while len(clicks) >= 2:
-        circle = locate(replace(feature, clicks=clicks), views, edges)
-        wrong = circle.inconsistent(LARGEST_RESIDUAL_PX)
-        if not wrong:
-            return replace(feature, clicks=clicks)
-        del clicks[max(wrong, key=lambda number: circle.residual_px[number])]
-    return None
+    def _make_consistent(self, feature_id: str) -> None:
+        """Unmark the views that the system calls inconsistent, the worst first; give up at less than two."""
+        while len(self.session.document.feature(feature_id).contours) >= 2:
+            try:
+                circle = locate(self.session.document.feature(feature_id).taught(), self._views, self._edges)
+            except InputError:  # the page says that these marks make no circle
+                break
+            wrong = circle.inconsistent(LARGEST_RESIDUAL_PX)
+            if not wrong:
+                return
+            worst = max(wrong, key=lambda number: circle.residual_px[number])
+            self._do(ev.ClearMarks(feature_id, worst))
+        self._do(ev.RemoveFeature(feature_id))
 
 
 def _circle(rim: Rim) -> Circle:
@@ -164,5 +197,6 @@ def _apart_px(a: Rim, b: Rim, shown: dict[Rim, dict[int, Array]], views: Sequenc
 
 
 def _click(points: Array, view: View, operator: Operator, rng: np.random.Generator) -> Array:
+    """Clicks (N, 2) near points of a rim, to a hundredth of a pixel."""
     chosen = points[:: max(len(points) // operator.clicks, 1)]
-    return view.project(chosen) + rng.normal(scale=operator.click_sigma_px, size=(len(chosen), 2))
+    return np.round(view.project(chosen) + rng.normal(scale=operator.click_sigma_px, size=(len(chosen), 2)), 2)

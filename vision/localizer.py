@@ -13,8 +13,9 @@ from vision.candidates import Workspace
 from vision.ellipse import Ellipse
 from vision.errors import InputError
 from vision.evidence import EdgeField
+from vision.extraction_thresholds import ExtractionThresholds
 from vision.features import EllipseFeature, Process
-from vision.grouping import GroupingParameters, group_ellipses
+from vision.grouping import group_ellipses
 from vision.matching import Matcher, MatchingParameters
 from vision.pose import PoseEstimate
 from vision.region_attributes import AttributeConstraints
@@ -112,7 +113,8 @@ class EllipseLocalizer:
 
     def extract(self, view: View, workspace: Workspace | None = None) -> list[EllipseFeature]:
         """The ellipses that the extractors find in one view with a distortion-free lens."""
-        found = extract_features(view, self.processes, attribute_constraints(self.models, view, workspace))
+        constraints = attribute_constraints(self.models, view, workspace)
+        found = extract_features(view, self.processes, constraints, common_thresholds(self.models))
         return [f for f in found if self._plausible(f.ellipse, view, workspace)]
 
     def _plausible(self, ellipse: Ellipse, view: View, workspace: Workspace | None) -> bool:
@@ -144,7 +146,10 @@ class EllipseLocalizer:
 
 
 def extract_features(
-    view: View, processes: Sequence[Process], constraints: AttributeConstraints | None = None
+    view: View,
+    processes: Sequence[Process],
+    constraints: AttributeConstraints | None = None,
+    thresholds: ExtractionThresholds | None = None,
 ) -> list[EllipseFeature]:
     """Run extractors on a view with a distortion-free lens.
 
@@ -152,14 +157,23 @@ def extract_features(
         view: the image.
         processes: which extractors.
         constraints: prune the regions that no taught part can have; None prunes nothing.
+        thresholds: of the extractors; None for their own.
     """
+    thresholds = thresholds or ExtractionThresholds()
     gray = view.gray
     found: list[EllipseFeature] = []
     if "region" in processes:
-        found += region_ellipses(segment(gray), gray, constraints)
+        growing = thresholds.growing
+        found += region_ellipses(segment(gray, growing), gray, constraints, thresholds.boundary_fit, growing)
     if "group" in processes:
-        found += group_ellipses(gray, GroupingParameters.for_model())
+        found += group_ellipses(gray, thresholds.grouping)
     return found
+
+
+def common_thresholds(models: Sequence[VisionModel]) -> ExtractionThresholds:
+    """The thresholds that all models agree on; those of the extractors where they do not."""
+    first = models[0].thresholds
+    return first if all(m.thresholds == first for m in models) else ExtractionThresholds()
 
 
 def attribute_constraints(

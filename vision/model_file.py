@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args
 
@@ -15,7 +13,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.circle_pose import Circle
 from vision.errors import FileFormatError, InputError
+from vision.extraction_thresholds import ExtractionThresholds
 from vision.features import Process, RegionAttributes
+from vision.json_value import JsonValue, parse, read_text
 from vision.vision_model import (
     AttributeRange,
     BoreCoordinates,
@@ -29,11 +29,12 @@ from vision.vision_model import (
 Array = NDArray[np.float64]
 
 FORMAT = "focalpick-vision-model"
-VERSION = 1
+VERSION = 2
 
 _ATTRIBUTES = tuple(f.name for f in fields(RegionAttributes))
 _POSE_KEYS = ("translation_m", "rotation_xyzw")
-_UNIT_TOLERANCE = 1e-6  # numbers are written with nine significant digits
+_KEYS = ("format", "version", "part", "diameter_m", "symmetry_fold", "features", "grasps", "bore", "thresholds")
+_THRESHOLDS = tuple(f.name for f in fields(ExtractionThresholds))
 
 
 def load_model(path: Path) -> VisionModel:
@@ -43,14 +44,7 @@ def load_model(path: Path) -> VisionModel:
         FileFormatError: when it is not a vision model, with the path to the field that is wrong.
         InputError: when there is no such file.
     """
-    try:
-        text = path.read_bytes().decode("utf-8")
-    except OSError as error:
-        raise InputError(
-            "vision model", got=f"{path} ({error})", expected="a readable file", do="Teach the part first."
-        ) from error
-    except UnicodeDecodeError as error:
-        raise FileFormatError(str(path), got=f"not UTF-8 ({error})", expected="a vision model in JSON") from error
+    text = read_text(path, "vision model", "Teach the part first.")
     return model_from_json(text, source=str(path))
 
 
@@ -77,6 +71,7 @@ def model_to_json(model: VisionModel) -> str:
         "features": [_feature_to_dict(f) for f in model.features],
         "grasps": [_grasp_to_dict(g) for g in model.grasps],
         "bore": None if model.bore is None else _bore_to_dict(model.bore),
+        "thresholds": thresholds_to_dict(model.thresholds),
     }
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
@@ -91,12 +86,9 @@ def model_from_json(text: str, source: str = "vision model") -> VisionModel:
     Raises:
         FileFormatError: with the path to the field that is wrong.
     """
-    try:
-        root = _Value(json.loads(text), source)
-    except (ValueError, RecursionError) as error:
-        raise FileFormatError(source, got=f"invalid JSON ({error})", expected="a vision model") from error
-    root.check_header()
-    d = root.members("format", "version", "part", "diameter_m", "symmetry_fold", "features", "grasps", "bore")
+    root = parse(text, source, "vision model")
+    root.check_header("vision model", FORMAT, VERSION)
+    d = root.members(*_KEYS)
     try:
         return VisionModel(
             part=d["part"].text(),
@@ -105,6 +97,7 @@ def model_from_json(text: str, source: str = "vision model") -> VisionModel:
             symmetry_fold=None if d["symmetry_fold"].value is None else d["symmetry_fold"].count(),
             grasps=tuple(_grasp_from(item) for item in d["grasps"].items()),
             bore=None if d["bore"].value is None else _bore_from(d["bore"]),
+            thresholds=thresholds_from(d["thresholds"]),
         )
     except FileFormatError:
         raise
@@ -112,94 +105,18 @@ def model_from_json(text: str, source: str = "vision model") -> VisionModel:
         raise FileFormatError(f"{source}: {error.what}", got=error.got, expected=error.expected) from error
 
 
-@dataclass(frozen=True)
-class _Value:
-    """A value in the document, and the path that leads to it."""
-
-    value: Any
-    source: str
-    path: str = ""
-
-    def check(self, condition: bool, expected: str) -> None:
-        if not condition:
-            got = repr(self.value)
-            where = f"{self.source}: {self.path}" if self.path else self.source
-            raise FileFormatError(where, got=got if len(got) <= 80 else f"{got[:77]}...", expected=expected)
-
-    def check_header(self) -> None:
-        """Say of a foreign file that it is foreign, not which keys it lacks."""
-        self.check(isinstance(self.value, dict), "a vision model: a JSON object")
-        for key, expected in (("format", FORMAT), ("version", VERSION)):
-            found = self.value.get(key)
-            _Value(found, self.source, key).check(
-                type(found) is type(expected) and found == expected, json.dumps(expected)
-            )
-
-    def members(self, *keys: str) -> dict[str, _Value]:
-        """The members of an object that has exactly these keys."""
-        mine = self.mapping()
-        for key in keys:
-            if key not in mine:
-                raise FileFormatError(f"{self.source}: {self._inner(key)}", got="no such key", expected="this key")
-        for key in mine:
-            if key not in keys:
-                got, expected = "an unknown key", f"one of {', '.join(keys)}"
-                raise FileFormatError(f"{self.source}: {self._inner(key)}", got=got, expected=expected)
-        return mine
-
-    def mapping(self) -> dict[str, _Value]:
-        self.check(isinstance(self.value, dict), "an object")
-        return {k: _Value(v, self.source, self._inner(k)) for k, v in self.value.items()}
-
-    def items(self) -> list[_Value]:
-        self.check(isinstance(self.value, list), "a list")
-        return [_Value(v, self.source, f"{self.path}[{i}]") for i, v in enumerate(self.value)]
-
-    def text(self) -> str:
-        self.check(isinstance(self.value, str) and self.value != "", "a text that is not empty")
-        return str(self.value)
-
-    def choice(self, choices: Sequence[str]) -> Any:
-        self.check(isinstance(self.value, str) and self.value in choices, f"one of {', '.join(choices)}")
-        return self.value
-
-    def number(self) -> float:
-        number = isinstance(self.value, int | float) and not isinstance(self.value, bool)
-        self.check(number and abs(self.value) <= sys.float_info.max, "a finite number")
-        return float(self.value)
-
-    def positive(self) -> float:
-        self.check(self.number() > 0, "a number > 0")
-        return float(self.value)
-
-    def share(self) -> float:
-        self.check(0 <= self.number() <= 1, "a number from 0 to 1")
-        return float(self.value)
-
-    def count(self) -> int:
-        whole = isinstance(self.value, int) and not isinstance(self.value, bool)
-        self.check(whole and self.value >= 1, "a whole number >= 1")
-        return int(self.value)
-
-    def vector(self, n: int) -> Array:
-        numbers = self.items()
-        self.check(len(numbers) == n, f"{n} numbers")
-        return np.array([item.number() for item in numbers])
-
-    def unit(self, n: int) -> Array:
-        vector = self.vector(n)
-        # Compared before the norm is taken: large numbers would overflow in it.
-        near = bool((np.abs(vector) < 2).all()) and abs(float(np.linalg.norm(vector)) - 1) < _UNIT_TOLERANCE
-        self.check(near, f"{n} numbers of length 1")
-        return vector
-
-    def _inner(self, key: str) -> str:
-        return f"{self.path}.{key}" if self.path else key
-
-
 def _number(value: float) -> float:
-    """Nine significant digits: nanometres, and the same text on every platform."""
+    """Nine significant digits, for what a person stated."""
     return float(f"{value:.9g}")
+
+
+def _measured(value: float, decimals: int = 6) -> float:
+    """What was measured in the views is written to a micrometre, a hundredth of what teaching aims at.
+
+    The last bits of a measurement come from the machine: processors fuse multiplications and additions differently.
+    What is coarser than they are by orders of magnitude gives the same text everywhere.
+    """
+    return round(float(value), decimals) + 0.0
 
 
 def _numbers(values: Array) -> list[float]:
@@ -211,7 +128,7 @@ def _pose_to_dict(T: RigidTransform) -> dict[str, Any]:
     return dict(zip(_POSE_KEYS, numbers, strict=True))
 
 
-def _pose_from(d: dict[str, _Value]) -> RigidTransform:
+def _pose_from(d: dict[str, JsonValue]) -> RigidTransform:
     translation, rotation = (d[key] for key in _POSE_KEYS)
     return RigidTransform.from_components(translation.vector(3), Rotation.from_quat(rotation.unit(4)))
 
@@ -220,17 +137,17 @@ def _feature_to_dict(feature: CircleFeature) -> dict[str, Any]:
     return {
         "name": feature.name,
         "role": feature.role,
-        "centre_m": _numbers(feature.circle.centre),
-        "normal": _numbers(feature.circle.normal),
-        "radius_m": _number(feature.circle.radius_m),
+        "centre_m": [_measured(v) for v in feature.circle.centre],
+        "normal": [_measured(v, 7) for v in feature.circle.normal],
+        "radius_m": _measured(feature.circle.radius_m),
         "extractor": feature.extractor,
         "copies": feature.copies,
-        "support": _number(feature.support),
-        "attributes": {n: {"low": _number(r.low), "high": _number(r.high)} for n, r in feature.attributes},
+        "support": _measured(feature.support, 4),
+        "attributes": {n: {"low": _measured(r.low, 4), "high": _measured(r.high, 4)} for n, r in feature.attributes},
     }
 
 
-def _feature_from(item: _Value) -> CircleFeature:
+def _feature_from(item: JsonValue) -> CircleFeature:
     d = item.members("name", "role", "centre_m", "normal", "radius_m", "extractor", "copies", "support", "attributes")
     return CircleFeature(
         name=d["name"].text(),
@@ -243,8 +160,8 @@ def _feature_from(item: _Value) -> CircleFeature:
     )
 
 
-def _range_from(name: str, item: _Value) -> AttributeRange:
-    _Value(name, item.source, item.path).choice(_ATTRIBUTES)
+def _range_from(name: str, item: JsonValue) -> AttributeRange:
+    JsonValue(name, item.source, item.path).choice(_ATTRIBUTES)
     d = item.members("low", "high")
     low, high = d["low"].number(), d["high"].number()
     item.check(low <= high, "low <= high")
@@ -261,7 +178,7 @@ def _grasp_to_dict(grasp: GraspCoordinates) -> dict[str, Any]:
     }
 
 
-def _grasp_from(item: _Value) -> GraspCoordinates:
+def _grasp_from(item: JsonValue) -> GraspCoordinates:
     d = item.members("name", "kind", "width_m", "copies", *_POSE_KEYS)
     return GraspCoordinates(
         name=d["name"].text(),
@@ -280,6 +197,23 @@ def _bore_to_dict(bore: BoreCoordinates) -> dict[str, Any]:
     }
 
 
-def _bore_from(item: _Value) -> BoreCoordinates:
+def _bore_from(item: JsonValue) -> BoreCoordinates:
     d = item.members("diameter_m", "depth_m", *_POSE_KEYS)
     return BoreCoordinates(_pose_from(d), d["diameter_m"].positive(), d["depth_m"].positive())
+
+
+def thresholds_to_dict(thresholds: ExtractionThresholds) -> dict[str, float]:
+    """Thresholds as a JSON object."""
+    return {name: _number(getattr(thresholds, name)) for name in _THRESHOLDS}
+
+
+def thresholds_from(item: JsonValue) -> ExtractionThresholds:
+    """Thresholds from a JSON object.
+
+    Raises:
+        FileFormatError: with the path to the field that is wrong.
+    """
+    d = item.members(*_THRESHOLDS)
+    values = {name: d[name].positive() for name in _THRESHOLDS}
+    item.check(values["canny_low"] <= values["canny_high"], "canny_low <= canny_high")
+    return ExtractionThresholds(**values)

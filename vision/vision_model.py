@@ -6,7 +6,7 @@ grasp coordinates. It is not a CAD model. Metres and radians throughout; ``visio
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.circle_pose import Circle
 from vision.errors import InputError
+from vision.extraction_thresholds import ExtractionThresholds
 from vision.features import Process
 
 Role = Literal["salient", "supporting"]
@@ -96,6 +97,7 @@ class VisionModel:
         symmetry_fold: number of rotations about z that look the same; None when every rotation does.
         grasps: grasp coordinates.
         bore: the bore, where the part has one.
+        thresholds: of the extractors, as adapted to the part.
     """
 
     part: str
@@ -104,6 +106,7 @@ class VisionModel:
     symmetry_fold: int | None = None
     grasps: tuple[GraspCoordinates, ...] = ()
     bore: BoreCoordinates | None = None
+    thresholds: ExtractionThresholds = field(default_factory=ExtractionThresholds)
 
     def __post_init__(self) -> None:
         if not self.salient:

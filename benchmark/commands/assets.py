@@ -31,8 +31,8 @@ def teach(out: OptionalPath = None) -> int:
     """Have a simulated person teach the vision models of the three parts anew.
 
     The person photographs the part on the teaching fixture, five views of either face, and clicks near its rims and
-    holes with an error of one pixel; the clicks alone make the model. Needed after a change of a part's design or of
-    an extractor.
+    holes with an error of one pixel. What it does is recorded as a teaching session beside its pictures, and the
+    model is what a replay of the session gives. Needed after a change of a part's design or of an extractor.
 
     Example: focalpick assets teach
 
@@ -43,19 +43,20 @@ def teach(out: OptionalPath = None) -> int:
 
     prepare_process()
     from benchmark.localizers import MODELS
-    from benchmark.teaching import teach as teach_part
+    from benchmark.teaching import record
     from benchmark.world.parts import PART_NAMES
-    from vision.errors import InputError
     from vision.model_file import save_model
+    from vision.teaching.session_file import replay, save_session
+    from vision.teaching.view_directory import save_views
 
-    directory = out or MODELS
+    models = out or MODELS
     for name in PART_NAMES:
-        model = teach_part(name)
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-            save_model(model, directory / f"{name}.json")
-        except OSError as error:
-            raise InputError(f"models in {directory}", got=error.strerror, expected="a writable directory") from None
+        lesson = models / "sessions" / name
+        session, views = record(name)
+        save_views(lesson, views, name)
+        save_session(session, lesson)
+        model = replay(lesson)
+        save_model(model, models / f"{name}.json")
         salient = ", ".join(f.name for f in model.salient)
-        print(f"{name}: {len(model.features)} features, salient: {salient}")
+        print(f"{name}: {len(session.events)} events, {len(model.features)} features, salient: {salient}")
     return 0

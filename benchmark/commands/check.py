@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from benchmark.commands.common import SweepDirectory
+from vision.errors import InputError
 
 
 def check(
@@ -31,7 +32,10 @@ def check(
     from benchmark.store import read_config, read_records
 
     wanted = read_thresholds(thresholds)
-    table = build_table(read_config(directory), read_records(directory), (wanted.min_visibility,))
+    config = read_config(directory)
+    if config.variants:
+        raise InputError(f"sweep in {directory}", got="a study", expected="a sweep that varies nothing")
+    table = build_table(config, read_records(directory), (wanted.min_visibility,))
     verdicts = judge(table, wanted)
     for verdict in verdicts:
         print(f"{'ok    ' if verdict.passed else 'MISSED'}  {verdict}")

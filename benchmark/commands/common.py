@@ -21,6 +21,9 @@ _LEFT_OUT = "(optional)"
 # Options that leave the preset's value alone when they are not given, and optional paths; only for a readable --help.
 PresetName = Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint=_PRESET)]
 PresetNumber = Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint=_PRESET)]
+PartNames = Annotated[
+    str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint=_PRESET, aliases=["--part"])
+]  # sweep takes several, run takes one: the same word shall do
 OptionalPath = Annotated[Path | None, tyro.conf.arg(metavar="PATH", help_behavior_hint=_LEFT_OUT)]
 Name = Annotated[str, tyro.conf.arg(metavar="NAME")]
 Number = Annotated[int, tyro.conf.arg(metavar="N")]
@@ -28,18 +31,21 @@ SweepDirectory = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DI
 
 
 def split_parts(text: str | None) -> tuple[str, ...] | None:
-    """``"hub,cover1"`` as kinds of scene, each made of known part names; None stays None.
+    """``"hub,cover1"`` as kinds of scene, each made of known part names or mesh files; None stays None.
 
     Raises:
-        InputError: an unknown part; the message lists the valid ones.
+        InputError: an unknown part, or a mesh that cannot be one; the message lists the valid names.
     """
     if text is None:
         return None
-    from benchmark.world.parts import PART_NAMES
+    from benchmark.world.mesh_file import MeshReference
+    from benchmark.world.parts import PART_NAMES, get_part
 
     kinds = tuple(kind.strip() for kind in text.split(","))
     for name in (name for kind in kinds for name in kind.split("+")):
-        if name not in PART_NAMES:
+        if MeshReference.parse(name) is not None:
+            get_part(name)
+        elif name not in PART_NAMES:
             do = "Separate several with commas, join them with + for mixed scenes." if "," not in text else ""
             raise InputError("part", got=name or "nothing", expected=f"one of {', '.join(PART_NAMES)}", do=do)
     return kinds
@@ -65,8 +71,8 @@ def prepare_process() -> None:
     choose_backend()
 
 
-def check_localizer(name: str, part_names: Sequence[str]) -> None:
-    """Make the localizer once, so that what is wrong with it shows before anything runs.
+def check_localizer(name: str, part_names: Sequence[str], models: str | None = None) -> None:
+    """Make the localizer once, so that what is wrong with it or with the models shows before anything runs.
 
     Raises:
         InputError: no such localizer, or a part that it was not taught.
@@ -74,7 +80,7 @@ def check_localizer(name: str, part_names: Sequence[str]) -> None:
     """
     from benchmark.localizers import load_model, make_localizer
 
-    make_localizer(name, [load_model(part) for part in part_names], tuple)
+    make_localizer(name, [load_model(part, models) for part in part_names], tuple)
 
 
 def results_console() -> Console:

@@ -81,6 +81,12 @@ class SweepProgress:
         if not self._console.is_terminal:
             self._print_line(done, total, eta)
 
+    def taught(self, done: int, total: int) -> None:
+        """Show that ``done`` of the ``total`` models that a study needs are taught, before its first episode."""
+        self._bar.update(self._task, completed=done, total=total, eta="models being taught")
+        if not self._console.is_terminal and done == total:
+            self._console.print(f"{total} models are taught", highlight=False)
+
     def _eta(self, remaining: int) -> str:
         failed = f", {self._failed} failed" if self._failed else ""
         if remaining == 0:

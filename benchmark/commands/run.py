@@ -25,6 +25,7 @@ def run(
     localizer: Name = "dual",
     views: Number = 3,
     task: Name = "pick",
+    models: OptionalPath = None,
     rrd: OptionalPath = None,
 ) -> int:
     """Run one episode and print what became of each piece.
@@ -35,7 +36,7 @@ def run(
     Example: focalpick run --part hub --seed 7 --rrd hub.rrd && focalpick view hub.rrd
 
     Args:
-        part: hub, cover1 or cover2; names joined by + for a mixed scene.
+        part: hub, cover1, cover2, or a mesh file of your own (pulley.obj in metres, pulley.stl:mm); + mixes.
         seed: of the sweep that the episode belongs to, or any whole number.
         scene: number of the scene within the sweep, from 0.
         pieces: pieces dropped into the bin; the paper has 4 to 6.
@@ -43,18 +44,30 @@ def run(
         localizer: what finds the poses: dual, region, group, oracle, or module:name of your own.
         views: number of viewpoints, 2 or 3.
         task: pick, or none to stop when the poses are found.
+        models: directory of taught models, each named after its part: pulley.json for pulley.obj. They come before
+            the shipped ones.
         rrd: file for the rerun recording.
     """
     from benchmark.commands.outcome import outcome_table, pick_lines
     from benchmark.config import PRESETS, SweepConfig
 
     kinds = split_parts(part) or PRESETS["table1"].parts
-    sweep = SweepConfig(kinds, scene + 1, pieces, sensor, localizer, views, seed, task)  # type: ignore[arg-type]
+    sweep = SweepConfig(
+        kinds,
+        scene + 1,
+        pieces,
+        sensor,
+        localizer,
+        views,
+        seed,
+        task,  # type: ignore[arg-type]
+        models=None if models is None else str(models),
+    )
     config = sweep.episode(kinds[0], scene)
     if rrd is not None:
         _check_writable(rrd)
     prepare_process()
-    check_localizer(config.localizer, config.parts)
+    check_localizer(config.localizer, config.parts, config.models)
     if rrd is not None:
         from benchmark.report.rerun_log import record_episode
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from benchmark.commands.common import (
     Name,
     OptionalPath,
+    PartNames,
     PresetName,
     PresetNumber,
     check_localizer,
@@ -15,10 +18,15 @@ from benchmark.commands.common import (
     split_parts,
 )
 
+if TYPE_CHECKING:
+    from benchmark.commands.progress import SweepProgress
+    from benchmark.config import SweepConfig
+    from benchmark.records import EpisodeRecord
+
 
 def sweep(
     preset: Name = "table1",
-    parts: PresetName = None,
+    parts: PartNames = None,
     scenes: PresetNumber = None,
     pieces: PresetNumber = None,
     sensor: PresetName = None,
@@ -27,6 +35,7 @@ def sweep(
     task: PresetName = None,
     workers: PresetNumber = None,
     seed: PresetNumber = None,
+    models: OptionalPath = None,
     out: OptionalPath = None,
 ) -> int:
     """Run many episodes and record each one in a directory.
@@ -38,8 +47,11 @@ def sweep(
     Example: focalpick sweep --parts hub,cover2 --scenes 5 --out results/mine
 
     Args:
-        preset: table1 (35 scenes of each part, the paper's experiment) or smoke (2 of each).
-        parts: hub (brake hub, 240 mm), cover1, cover2 (alternator covers, 30 and 65 mm); with commas; + mixes.
+        preset: table1 (35 scenes of each part, the paper's experiment) or smoke (2 of each); calibration (every scene
+            again for hand-eye errors from 0 to 2 mm) or teaching (again with models taught by clicks that err by 0 to
+            5 pixels in 2 to 5 views).
+        parts: hub (brake hub, 240 mm), cover1, cover2 (alternator covers, 30 and 65 mm), or mesh files of your own
+            (pulley.obj in metres, pulley.stl:mm); with commas; + mixes.
         scenes: number of scenes of each part.
         pieces: pieces dropped into each scene; the paper has 4 to 6.
         sensor: what the camera adds: ideal (nothing), lab (noise, blur, changing light), shopfloor (more, and dirt).
@@ -48,13 +60,14 @@ def sweep(
         task: pick, or none to stop when the poses are found.
         workers: processes that run side by side, one for each core in the presets.
         seed: any whole number; the same seed gives the same results.
+        models: directory of taught models, each named after its part: pulley.json for pulley.obj. They come before
+            the shipped ones.
         out: directory for the records; results/PRESET when left out.
     """
     from rich.console import Console
 
     from benchmark.commands.progress import SweepProgress, timing_table
     from benchmark.config import preset as make_config
-    from benchmark.sweep import run_sweep
 
     config = make_config(
         preset,
@@ -67,15 +80,34 @@ def sweep(
         task=task,
         workers=workers,
         seed=seed,
+        models=None if models is None else str(models),
     )
     out = out or Path("results") / preset
     prepare_process()
-    check_localizer(config.localizer, config.part_names)
+    check_localizer(config.localizer, config.part_names, config.models)
     with SweepProgress(config.workers) as progress:
-        records = run_sweep(config, out, on_progress=progress)
+        records = _run(config, out, progress)
     Console(stderr=True).print(timing_table(records))
     for record in records:
         if record.error is not None:
             print_line(f"episode {record.key} did not finish: {record.error}")
     print_line(f"{len(records)} episodes are recorded in {out}. Next: focalpick table {out}")
     return 0
+
+
+def _run(config: SweepConfig, out: Path, progress: SweepProgress) -> list[EpisodeRecord]:
+    """All records of the sweep; what a study varies in the teaching is taught first."""
+    from benchmark.sweep import run_sweep
+
+    if not any(variant.is_taught for variant in config.variants):
+        return run_sweep(config, out, on_progress=progress)
+    from benchmark.episode import run_episode
+    from benchmark.variant_models import refusals, teach_variants
+
+    def prepare() -> None:
+        teach_variants(config, out, progress.taught)
+        for lesson, reason in refusals(out).items():
+            print_line(f"{lesson} could not be taught: {reason}")
+
+    run_taught = functools.partial(run_episode, study=out.resolve())
+    return run_sweep(config, out, run_taught, on_progress=progress, prepare=prepare)

@@ -3,9 +3,19 @@
 from __future__ import annotations
 
 import json
-from typing import Literal
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 from benchmark.commands.common import OptionalPath, SweepDirectory, print_line, results_console
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from benchmark.config import SweepConfig
+    from benchmark.records import EpisodeRecord
 
 
 def table(
@@ -17,34 +27,75 @@ def table(
 
     Table 1 has the errors of the poses that were found: for each part, once from region growing and once from edge
     grouping. Fig. 10 has the share of pieces whose circle was found in the images (extraction) and whose pose was
-    found (matching), for region growing alone, as in the paper's predecessor, and for both together. The interval
-    beside a rate is its 95 % confidence interval. Works on an unfinished sweep too.
+    found (matching), for region growing alone, as in the paper's predecessor, and for both together, and a table says
+    by how much both together are better. The interval beside a rate is its 95 % confidence interval. Of a study (the
+    presets calibration and teaching) it prints the curves instead. Works on an unfinished sweep too.
 
     Example: focalpick table results/table1 --format md
 
     Args:
         directory: what focalpick sweep wrote with --out.
         format: text for the terminal, md for Markdown, json for programs.
-        figures: directory in which to draw fig10.png and errors.png.
+        figures: directory in which to draw fig10.png and errors.png, or calibration.png or teaching.png.
     """
-    from benchmark.report.tables import build_table, to_dict
     from benchmark.store import read_config, read_records
 
     config, records = read_config(directory), read_records(directory)
-    result = build_table(config, records)
+    shown = _study(config, records, directory) if config.variants else _table(config, records)
     if format == "json":
-        print(json.dumps(to_dict(result), indent=2, allow_nan=False))
+        print(json.dumps(shown.values(), indent=2, allow_nan=False))
     elif format == "md":
-        from benchmark.report.render import as_markdown
-
-        print(as_markdown(result), end="")
+        print(shown.markdown(), end="")
     else:
-        from benchmark.report.render import print_table
-
-        print_table(result, results_console())
+        shown.show(results_console())
     if figures is not None:
-        from benchmark.report.figures import save_figures
-
-        for path in save_figures(result, records, figures):
+        for path in shown.draw(figures):
             print_line(f"Drawn: {path}")
     return 0
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """The ways to show a sweep's results; each imports what it needs when it is asked for."""
+
+    values: Callable[[], dict[str, object]]
+    markdown: Callable[[], str]
+    show: Callable[[Console], None]
+    draw: Callable[[Path], list[Path]]
+
+
+def _table(config: SweepConfig, records: list[EpisodeRecord]) -> _Shown:
+    from benchmark.report import render
+    from benchmark.report.tables import build_table, to_dict
+
+    result = build_table(config, records)
+
+    def draw(directory: Path) -> list[Path]:
+        from benchmark.report.figures import save_figures  # matplotlib is slow to import
+
+        return save_figures(result, records, directory)
+
+    return _Shown(
+        partial(to_dict, result), partial(render.as_markdown, result), partial(render.print_table, result), draw
+    )
+
+
+def _study(config: SweepConfig, records: list[EpisodeRecord], directory: Path) -> _Shown:
+    from benchmark.report import study_render
+    from benchmark.report.study import build_study, study_to_dict
+    from benchmark.taught_circles import study_circles
+    from benchmark.variant_models import refusals
+
+    study = build_study(config, records, refusals(directory), study_circles(config, directory))
+
+    def draw(directory: Path) -> list[Path]:
+        from benchmark.report.study_figures import save_study_figures  # matplotlib is slow to import
+
+        return save_study_figures(study, directory)
+
+    return _Shown(
+        partial(study_to_dict, study),
+        partial(study_render.study_as_markdown, study),
+        partial(study_render.print_study, study),
+        draw,
+    )

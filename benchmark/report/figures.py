@@ -55,7 +55,15 @@ def save_figures(table: Table, records: Sequence[EpisodeRecord], directory: Path
         InputError: the directory cannot be written.
     """
     with matplotlib.rc_context(STYLE):
-        figures = {"fig10.png": draw_fig10(table), "errors.png": draw_errors(table, records)}
+        return write_figures({"fig10.png": draw_fig10(table), "errors.png": draw_errors(table, records)}, directory)
+
+
+def write_figures(figures: dict[str, Figure], directory: Path) -> list[Path]:
+    """Write figures under their file names, and close them.
+
+    Raises:
+        InputError: the directory cannot be written.
+    """
     try:
         directory.mkdir(parents=True, exist_ok=True)
         for name, figure in figures.items():

@@ -13,6 +13,7 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from benchmark.metrics import BARELY_VISIBLE
+from benchmark.report.margins import Margin
 from benchmark.report.published import TITLES, PublishedErrors
 from benchmark.report.tables import STAGES, AccuracyRow, Rate, Summary, Table
 
@@ -47,8 +48,8 @@ class Grid:
 
 
 def grids(table: Table) -> list[Grid]:
-    """The grids that are shown: Table 1, Fig. 10 (a) and (b), picks, and what was counted apart."""
-    shown = [_table1(table), *_joint(table), *(_fig10(table, stage) for stage in STAGES)]
+    """The grids that are shown: Table 1, Fig. 10 (a) and (b), the margin, picks, and what was counted apart."""
+    shown = [_table1(table), *_joint(table), *(_fig10(table, stage) for stage in STAGES), *_margins(table)]
     if any(rate.n for rate in table.picks.values()):
         shown.append(_picks(table))
     return [*shown, _counts(table)]
@@ -56,25 +57,37 @@ def grids(table: Table) -> list[Grid]:
 
 def print_table(table: Table, console: Console) -> None:
     """Print everything on a terminal or into a file."""
-    for grid in grids(table):
-        console.print(_rich(grid))
-    for line in remarks(table):
-        console.print(Text(line, style="yellow"))
+    print_grids(grids(table), remarks([table]), console)
 
 
 def as_markdown(table: Table) -> str:
     """Everything as GitHub-flavoured Markdown."""
-    return "\n\n".join([*map(_markdown, grids(table)), *remarks(table)]) + "\n"
+    return grids_as_markdown(grids(table), remarks([table]))
 
 
-def remarks(table: Table) -> list[str]:
-    """What a reader must know before believing the table: episodes that are missing or have failed."""
+def print_grids(shown: Sequence[Grid], lines: Sequence[str], console: Console) -> None:
+    """Print grids, and below them lines that a reader should not miss."""
+    for grid in shown:
+        console.print(_rich(grid))
+    for line in lines:
+        console.print(Text(line, style="yellow"))
+
+
+def grids_as_markdown(shown: Sequence[Grid], lines: Sequence[str]) -> str:
+    """The same as ``print_grids`` for GitHub."""
+    return "\n\n".join([*map(_markdown, shown), *lines]) + "\n"
+
+
+def remarks(tables: Sequence[Table]) -> list[str]:
+    """What a reader must know before believing tables: episodes that are missing or have failed."""
     lines = []
-    if table.recorded < table.planned:
-        lines.append(f"Incomplete: {table.recorded} of {table.planned} episodes are recorded.")
-    if table.failed:
-        lines.append(f"{len(table.failed)} episodes did not finish; their pieces are in no figure above:")
-        lines += [f"  {key}: {error}" for key, error in table.failed.items()]
+    recorded, planned = (sum(getattr(table, name) for table in tables) for name in ("recorded", "planned"))
+    failed = {key: error for table in tables for key, error in table.failed.items()}
+    if recorded < planned:
+        lines.append(f"Incomplete: {recorded} of {planned} episodes are recorded.")
+    if failed:
+        lines.append(f"{len(failed)} episodes did not finish; their pieces are in no figure above:")
+        lines += [f"  {key}: {error}" for key, error in failed.items()]
     return lines
 
 
@@ -95,7 +108,7 @@ def _table1(table: Table) -> Grid:
             "In-plane (°)",
         ),
         rows=rows,
-        sections=_last_of_each(parts),
+        sections=last_of_each(parts),
         quiet=frozenset({"published", "published ", "Tilt (°)", "In-plane (°)"}),
         note=f"Pieces at least {BARELY_VISIBLE:.0%} visible. Rotation is the least over the part's symmetries;\n"
         "tilt is that of its axis, in-plane that about it (– for a part that looks the same at any angle).",
@@ -108,11 +121,11 @@ def _joint(table: Table) -> list[Grid]:
     rows = [table.find_accuracy(part, method, BARELY_VISIBLE) for part in table.parts for method in methods]
     cells = tuple(
         (
-            _title(row.part),
+            part_title(row.part),
             METHOD_TITLES.get(row.method, row.method),
             str(row.n),
             *(
-                _plus_minus(row.errors[name], 3)
+                plus_minus(row.errors[name], 3)
                 for name in ("translation_mm", "rotation_deg", "tilt_deg", "inplane_deg")
             ),
         )
@@ -133,15 +146,15 @@ def _joint(table: Table) -> list[Grid]:
 def _accuracy_cells(row: AccuracyRow, rows: Sequence[AccuracyRow], i: int) -> tuple[str, ...]:
     first = i == 0 or rows[i - 1].part != row.part
     return (
-        _title(row.part) if first else "",
+        part_title(row.part) if first else "",
         PROCESS_TITLES.get(row.method, row.method),
         str(row.n),
-        _plus_minus(row.errors["translation_mm"], 2),
+        plus_minus(row.errors["translation_mm"], 2),
         _published(row.published, "translation_mm"),
-        _plus_minus(row.errors["rotation_deg"], 2),
+        plus_minus(row.errors["rotation_deg"], 2),
         _published(row.published, "rotation_deg"),
-        _plus_minus(row.errors["tilt_deg"], 2),
-        _plus_minus(row.errors["inplane_deg"], 2),
+        plus_minus(row.errors["tilt_deg"], 2),
+        plus_minus(row.errors["inplane_deg"], 2),
     )
 
 
@@ -152,17 +165,17 @@ def _fig10(table: Table, stage: str) -> Grid:
     methods = [m for m in table.methods if m != "group"]
     for i, (level, part) in enumerate(cells):
         bars = {method: table.find_success(part, method, stage, level) for method in methods}
-        rates = [_rate(bars[method].rate) for method in methods]
+        rates = [rate_text(bars[method].rate) for method in methods]
         first = i == 0 or cells[i - 1][0] != level
         label = f"≥ {level:.0%}" if first else ""
         published = bars["dual"].published
         n = str(max(bar.rate.n for bar in bars.values()))
-        rows.append((label, _title(part), n, *rates, NOTHING if published is None else f"{published:.0%}"))
+        rows.append((label, part_title(part), n, *rates, NOTHING if published is None else f"{published:.0%}"))
     return Grid(
         title=STAGE_TITLES[stage],
         columns=("Visible", "Object", "n", *(METHOD_TITLES.get(m, m) for m in methods), "dual, published"),
         rows=tuple(rows),
-        sections=_last_of_each([str(level) for level, _ in cells]),
+        sections=last_of_each([str(level) for level, _ in cells]),
         quiet=frozenset({"dual, published"}),
         note=""
         if stage == STAGES[0]
@@ -170,15 +183,58 @@ def _fig10(table: Table, stage: str) -> Grid:
     )
 
 
+def _margins(table: Table) -> list[Grid]:
+    """The paper's claim in figures; nothing where the two localizers did not both run."""
+    levels = [f"≥ {margin.min_visibility:.0%}" for margin in table.margins]
+    rows = tuple(
+        (
+            level if i == 0 or levels[i - 1] != level else "",
+            part_title(margin.part),
+            str(margin.n),
+            str(margin.scenes),
+            str(margin.method_only),
+            str(margin.rival_only),
+            *_margin_cells(margin),
+        )
+        for i, (level, margin) in enumerate(zip(levels, table.margins, strict=True))
+    )
+    if not any(margin.n for margin in table.margins):
+        return []
+    columns = ("Visible", "Object", "n", "Scenes", "only dual", "only previous", "dual − previous", "Excludes zero")
+    note = (
+        "Of the same pieces, in percentage points. In brackets: Newcombe's 95 % interval for paired proportions,\n"
+        "with as many pieces as they are worth, those of one scene being alike (design effect, Rao and Scott)."
+    )
+    return [
+        Grid(
+            "What both extractors together match more than region growing alone",
+            columns,
+            rows,
+            sections=last_of_each(levels),
+            note=note,
+        )
+    ]
+
+
+def _margin_cells(margin: Margin) -> tuple[str, str]:
+    """The margin in percentage points with its interval, and what the interval says about zero."""
+    if margin.margin is None:
+        return NOTHING, NOTHING
+    if margin.low is None or margin.high is None:
+        return f"{100 * margin.margin:+.1f}", NOTHING
+    text = f"{100 * margin.margin:+.1f} ({100 * margin.low:+.1f} to {100 * margin.high:+.1f})"
+    return text, "yes" if margin.excludes_zero else "no"
+
+
 def _picks(table: Table) -> Grid:
-    rows = tuple((_title(part), str(rate.n), _rate(rate)) for part, rate in table.picks.items())
+    rows = tuple((part_title(part), str(rate.n), rate_text(rate)) for part, rate in table.picks.items())
     return Grid("Picks of localised pieces", ("Object", "n", "Succeeded"), rows)
 
 
 def _counts(table: Table) -> Grid:
     rows = [
         (
-            _title(count.part),
+            part_title(count.part),
             str(count.pieces),
             str(count.barely_visible),
             str(count.out_of_bin),
@@ -192,11 +248,13 @@ def _counts(table: Table) -> Grid:
     return Grid("Pieces, and those counted apart", columns, tuple(rows))
 
 
-def _title(part: str) -> str:
+def part_title(part: str) -> str:
+    """The paper's name for a part, or its own."""
     return TITLES.get(part, part)
 
 
-def _plus_minus(summary: Summary, digits: int) -> str:
+def plus_minus(summary: Summary, digits: int) -> str:
+    """Mean and standard deviation as in the paper's Table 1."""
     if summary.mean is None:
         return NOTHING
     spread = NOTHING if summary.std is None else f"{summary.std:.{digits}f}"
@@ -209,7 +267,8 @@ def _published(row: PublishedErrors | None, quantity: str) -> str:
     return f"{getattr(row, f'{quantity}_mean'):.1f} ± {getattr(row, f'{quantity}_std'):.1f}"
 
 
-def _rate(rate: Rate) -> str:
+def rate_text(rate: Rate) -> str:
+    """A rate with its interval in brackets."""
     if rate.rate is None or rate.low is None or rate.high is None:
         return NOTHING
     return f"{rate.rate:4.0%} ({rate.low:.0%} to {rate.high:.0%})"
@@ -219,7 +278,7 @@ def _tally(counts: dict[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items() if count) or NOTHING
 
 
-def _last_of_each(labels: Sequence[str]) -> frozenset[int]:
+def last_of_each(labels: Sequence[str]) -> frozenset[int]:
     """Indices at which a run of equal labels ends, but not the last of all."""
     return frozenset(i for i, (a, b) in enumerate(itertools.pairwise(labels)) if a != b)
 

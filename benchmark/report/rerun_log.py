@@ -175,7 +175,8 @@ class RerunLog(EpisodeObserver):
         return strokes
 
     def _contour(self, part: str) -> ModelContour:
-        return ModelContour.of(load_model(part), self._cell.camera.fx / self._cell.config.camera_distance_m)
+        model = load_model(part, self._config.models)
+        return ModelContour.of(model, self._cell.camera.fx / self._cell.config.camera_distance_m)
 
     def _log_poses(self, estimates: tuple[PoseEstimate, ...], verdict: Verdict) -> None:
         """The taught circles at the true poses, in white, and at the estimated ones, which should hide them."""

@@ -13,10 +13,12 @@ from dataclasses import asdict, dataclass
 from benchmark.config import SweepConfig, episodes
 from benchmark.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary, summarise, wilson_interval
 from benchmark.records import EpisodeRecord, PieceRecord, PoseErrors
+from benchmark.report.margins import Margin, paired_margin
 from benchmark.report.published import FIGURE_10, TABLE_1, PublishedErrors, paper_order
 
 PROCESSES = ("region", "group")
 METHODS = ("region", "group", "dual")
+COMPARED = ("dual", "region")
 STAGES = ("extraction", "matching")
 QUANTITIES = ("translation_mm", "rotation_deg", "tilt_deg", "inplane_deg", "mssd_mm")
 LEVELS = (HALF_VISIBLE, BARELY_VISIBLE)
@@ -118,6 +120,7 @@ class Table:
         failed: key and error of those that did not finish; their pieces are in no rate.
         accuracy: for each part, method and visibility level.
         success: for each part, method, stage and visibility level.
+        margins: of dual over region growing alone in matching, for each part and visibility level.
         picks: success rate of attempted picks by part.
         counts: by part.
     """
@@ -128,6 +131,7 @@ class Table:
     failed: dict[str, str]
     accuracy: tuple[AccuracyRow, ...]
     success: tuple[SuccessRow, ...]
+    margins: tuple[Margin, ...]
     picks: dict[str, Rate]
     counts: tuple[PartCount, ...]
 
@@ -187,6 +191,7 @@ def build_table(config: SweepConfig, records: Sequence[EpisodeRecord], levels: S
         failed={record.key: record.error for record in records if record.error is not None},
         accuracy=tuple(_accuracy(pieces, *cell) for cell in cells),
         success=tuple(_success(pieces, *cell, stage) for stage in STAGES for cell in cells),
+        margins=tuple(paired_margin(finished, part, COMPARED, level) for level in levels for part in parts),
         picks={part: _picks(finished, part) for part in parts},
         counts=tuple(_count(finished, part) for part in parts),
     )
@@ -197,6 +202,7 @@ def to_dict(table: Table) -> dict[str, object]:
     return {
         "table1": [{"process": row.method, **_flat(row)} for row in table.table1],
         "fig10": [_flat_success(row) for row in table.success],
+        "margins": [{**asdict(margin), "excludes_zero": margin.excludes_zero} for margin in table.margins],
         "picks": [{"part": part, **asdict(rate)} for part, rate in table.picks.items()],
         "accuracy": [_flat(row) for row in table.accuracy],
         "counts": [asdict(count) for count in table.counts],

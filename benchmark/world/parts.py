@@ -17,6 +17,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from benchmark.world import assets
 from benchmark.world.designs import DESIGNS, Design
 from benchmark.world.grasps import Grasp, grasps_of, turns_about_z
+from benchmark.world.mesh_file import MeshReference
 from vision.errors import FileFormatError, InputError
 
 Floats = NDArray[np.float64]
@@ -91,7 +92,7 @@ class Part:
     """An industrial part whose salient feature is a 3D circle.
 
     Attributes:
-        name: one of `PART_NAMES`.
+        name: one of `PART_NAMES`, or the stem of a mesh file's name.
         diameter_m: nominal diameter of the outline.
         density_kg_m3: of the material.
         rgba: colour of the bare material.
@@ -102,7 +103,7 @@ class Part:
         inertia: (3, 3) in kg m² about the centre of mass, axes of the part frame.
         symmetry: about z.
         grasps: the preferred ones first.
-        bore: the central one.
+        bore: the central one, where there is one.
         rims: the true circles, for tests and the simulated teacher only, never for a localizer.
     """
 
@@ -117,7 +118,7 @@ class Part:
     inertia: Floats
     symmetry: Symmetry
     grasps: tuple[Grasp, ...]
-    bore: Bore
+    bore: Bore | None
     rims: tuple[Rim, ...]
 
     def __post_init__(self) -> None:
@@ -133,15 +134,19 @@ class Part:
 
 @cache
 def get_part(name: str) -> Part:
-    """The part of that name.
+    """The part of that name, or in that mesh file (``pulley.obj`` in metres, ``pulley.stl:mm``).
 
     Raises:
-        InputError: when there is no such part.
+        InputError: when there is no such part, or the mesh cannot be one.
         ResourceError: when its files have not been built.
         FileFormatError: when the file of mass properties does not describe it.
     """
+    if (mesh := MeshReference.parse(name)) is not None:
+        from benchmark.world.mesh_part import part_from_mesh  # it makes a `Part`, and so imports this module
+
+        return part_from_mesh(mesh.path, mesh.unit)
     if name not in DESIGNS:
-        raise InputError("part", got=repr(name), expected="one of " + ", ".join(PART_NAMES))
+        raise InputError("part", got=repr(name), expected=f"one of {', '.join(PART_NAMES)}, or a mesh file")
     design = DESIGNS[name]
     meshes = assets.ASSETS / "meshes"
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -112,21 +113,45 @@ _SIZES = {
     "cover2": _Sizes((0.157, 0.21), 0.05, (0.22, 0.22), 0.75, float(np.radians(25.0))),
     "cover1": _Sizes((0.075, 0.10), 0.03, (0.16, 0.16), 0.40, float(np.radians(25.0))),
 }
+_LARGEST_DIAMETER_M = 0.32  # a bin for larger parts is out of the arm's reach
 
 
 def cell_config(part_names: tuple[str, ...], pieces: int = 4) -> CellConfig:
     """The default cell for these parts; where kinds are mixed, the largest one decides on the sizes.
 
     Raises:
-        InputError: a part is unknown, or there are no sizes for it.
+        InputError: a part is unknown, or too large.
     """
     if not part_names:
         raise InputError("part names", got="none", expected="at least one")
     largest = max((get_part(name) for name in part_names), key=lambda part: part.diameter_m)
-    sizes = _SIZES.get(largest.name)
-    if sizes is None:
-        raise InputError("part", got=largest.name, expected=f"one with a cell of its own: {', '.join(_SIZES)}")
+    sizes = _SIZES.get(largest.name) or _sizes_between(largest)
     return CellConfig(tuple(part_names), pieces, **vars(sizes))
+
+
+def _sizes_between(part: Part) -> _Sizes:
+    """The sizes for a part without a cell of its own, from its outline: between those of the parts that have one.
+
+    Raises:
+        InputError: the part is too large.
+    """
+    if part.diameter_m > _LARGEST_DIAMETER_M:
+        expected = f"at most {1e3 * _LARGEST_DIAMETER_M:.0f} mm"
+        raise InputError(f"diameter of {part.name}", got=f"{1e3 * part.diameter_m:.4g} mm", expected=expected)
+    known = sorted(((get_part(name).diameter_m, sizes) for name, sizes in _SIZES.items()), key=lambda pair: pair[0])
+    diameters = [diameter for diameter, _ in known]
+
+    def scaled(length_m: Callable[[_Sizes], float]) -> float:
+        ratios = [length_m(sizes) / diameter for diameter, sizes in known]
+        return part.diameter_m * float(np.interp(part.diameter_m, diameters, ratios))
+
+    return _Sizes(
+        bin_size_m=(scaled(lambda s: s.bin_size_m[0]), scaled(lambda s: s.bin_size_m[1])),
+        bin_wall_m=scaled(lambda s: s.bin_wall_m),
+        tray_size_m=(scaled(lambda s: s.tray_size_m[0]), scaled(lambda s: s.tray_size_m[1])),
+        camera_distance_m=min(scaled(lambda s: s.camera_distance_m), max(s.camera_distance_m for _, s in known)),
+        view_tilt_rad=float(np.interp(part.diameter_m, diameters, [s.view_tilt_rad for _, s in known])),
+    )
 
 
 def build_model(config: CellConfig) -> mujoco.MjModel:

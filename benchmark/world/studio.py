@@ -20,6 +20,8 @@ PART_FILLS = 0.75  # share of the picture's height that the part's outline takes
 TILTS_RAD = (np.radians(8.0), *[np.radians(27.0)] * 4)
 AZIMUTHS_RAD = (np.radians(20.0), *np.radians([45.0, 135.0, 225.0, 315.0]))
 
+# Diffuse light, as in a dome: it makes a chamfer nearly as bright as its face. In hard light a chamfer is dark, and
+# where it is narrower than a pixel the edge appears in its middle instead of where the metal ends.
 _SCENE = """
 <mujoco>
   <option gravity="0 0 0"/>
@@ -27,7 +29,7 @@ _SCENE = """
     <global offwidth="{width}" offheight="{height}"/>
     <quality shadowsize="1024" offsamples="4"/>
     <map znear="0.05" zfar="40"/>
-    <headlight ambient="0.22 0.22 0.22" diffuse="0 0 0" specular="0 0 0"/>
+    <headlight ambient="0.4 0.4 0.4" diffuse="0 0 0" specular="0 0 0"/>
   </visual>
   <statistic extent="{extent}" center="0 0 0"/>
   <asset>
@@ -35,8 +37,8 @@ _SCENE = """
     <material name="part" rgba="{rgba}" specular="0.15" shininess="0.5"/>
   </asset>
   <worldbody>
-    <light dir="0.35 0.2 -1" directional="true" castshadow="false" diffuse="0.4 0.4 0.4" specular="0.1 0.1 0.1"/>
-    <light dir="-0.35 -0.2 -1" directional="true" castshadow="false" diffuse="0.4 0.4 0.4" specular="0.1 0.1 0.1"/>
+    <light dir="0.35 0.2 -1" directional="true" castshadow="false" diffuse="0.3 0.3 0.3" specular="0.1 0.1 0.1"/>
+    <light dir="-0.35 -0.2 -1" directional="true" castshadow="false" diffuse="0.3 0.3 0.3" specular="0.1 0.1 0.1"/>
     <geom type="plane" size="5 5 0.1" pos="0 0 {floor}" rgba="0.19 0.20 0.22 1"/>
     <body name="part" mocap="true"><geom type="mesh" mesh="part" material="part"/></body>
     <camera name="eye" mode="fixed" focal="{focal} {focal}" sensorsize="{sensor}" resolution="{width} {height}"/>

@@ -35,7 +35,7 @@ def fake_episode(config: EpisodeConfig) -> EpisodeRecord:
 @pytest.fixture
 def simulator(monkeypatch: pytest.MonkeyPatch) -> types.ModuleType:
     """Stands in for the real episode, which takes seconds, and for the taught models."""
-    monkeypatch.setattr("benchmark.localizers.load_model", lambda _: None)
+    monkeypatch.setattr("benchmark.localizers.load_model", lambda *_: None)
     module = types.ModuleType("benchmark.episode")
     module.run_episode = fake_episode
     monkeypatch.setitem(sys.modules, "benchmark.episode", module)
@@ -200,7 +200,7 @@ if __name__ == "__main__":
     module.run_episode = slow_episode
     sys.modules["benchmark.episode"] = module
     import benchmark.localizers
-    benchmark.localizers.load_model = lambda _: None
+    benchmark.localizers.load_model = lambda *_: None
     from benchmark.cli import main
     sys.exit(main(["sweep", "--scenes", "200", "--parts", "hub", "--workers", sys.argv[2], "--out", sys.argv[1]]))
 """

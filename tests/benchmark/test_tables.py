@@ -70,6 +70,29 @@ def test_rates_are_counted_over_what_is_visible_enough_and_in_the_bin() -> None:
     assert (row["n"], row["successes"]) == (2, 2)
 
 
+def test_margin_of_dual_over_region_growing_is_over_the_same_pieces() -> None:
+    scenes = [
+        record(
+            scene=i, pieces=(piece(0, 0.9, region=MISSED, dual=matched(1.0)), piece(1, 0.3, region=FOUND, dual=FOUND))
+        )
+        for i in range(12)
+    ]
+    table = build_table(CONFIG, scenes)
+    half, any_ = (m for m in to_dict(table)["margins"] if m["part"] == "hub")
+    assert (half["min_visibility"], half["n"], half["method_only"], half["margin"]) == (0.5, 12, 12, 1.0)
+    assert (any_["n"], any_["scenes"], any_["rival_only"], any_["margin"]) == (24, 12, 0, 0.5)
+    assert half["excludes_zero"]
+    (row,) = (line.split() for line in shown(table).splitlines() if line.lstrip().startswith("≥ 10%") and "+" in line)
+    assert row[2:8] == ["Hub", "24", "12", "12", "0", "+50.0"]
+    assert row[-1] == "yes"
+
+
+def test_without_both_localizers_there_is_no_margin() -> None:
+    table = build_table(CONFIG, [record(pieces=(piece(0, 0.9, region=matched(1.0)),))])
+    assert {margin["n"] for margin in to_dict(table)["margins"]} == {0}
+    assert "Excludes zero" not in shown(table)
+
+
 def test_table1_is_over_matched_pieces_in_the_papers_order() -> None:
     table = to_dict(build_table(CONFIG, [HUB]))
     assert [(row["part"], row["process"]) for row in table["table1"]] == [

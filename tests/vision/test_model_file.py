@@ -5,53 +5,23 @@ from __future__ import annotations
 import copy
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.schema_rules import follows
+from vision.circle_pose import Circle
 from vision.errors import FileFormatError, InputError
+from vision.extraction_thresholds import ExtractionThresholds
 from vision.model_file import load_model, model_from_json, model_to_json, save_model
 
 MODELS = Path(__file__).resolve().parents[2] / "assets" / "models"
 SCHEMA = json.loads((MODELS / "vision_model.schema.json").read_text(encoding="utf-8"))
 SHIPPED = [MODELS / f"{name}.json" for name in ("hub", "cover1", "cover2")]
 HUB = json.loads(SHIPPED[0].read_text(encoding="utf-8"))
-
-TYPES: dict[str, Callable[[Any], bool]] = {
-    "object": lambda v: isinstance(v, dict),
-    "array": lambda v: isinstance(v, list),
-    "string": lambda v: isinstance(v, str),
-    "number": lambda v: isinstance(v, int | float) and not isinstance(v, bool),
-    "integer": lambda v: isinstance(v, int) and not isinstance(v, bool),
-    "null": lambda v: v is None,
-}
-RULES: dict[str, Callable[[Any, Any], bool]] = {
-    "type": lambda v, want: any(TYPES[t](v) for t in ([want] if isinstance(want, str) else want)),
-    "const": lambda v, want: v == want,
-    "enum": lambda v, want: v in want,
-    "minLength": lambda v, want: not isinstance(v, str) or len(v) >= want,
-    "minimum": lambda v, want: not TYPES["number"](v) or v >= want,
-    "maximum": lambda v, want: not TYPES["number"](v) or v <= want,
-    "exclusiveMinimum": lambda v, want: not TYPES["number"](v) or v > want,
-    "minItems": lambda v, want: not isinstance(v, list) or len(v) >= want,
-    "maxItems": lambda v, want: not isinstance(v, list) or len(v) <= want,
-    "required": lambda v, want: not isinstance(v, dict) or set(want) <= set(v),
-    "items": lambda v, want: not isinstance(v, list) or all(follows(item, want) for item in v),
-    "anyOf": lambda v, want: any(follows(v, option) for option in want),
-    "$ref": lambda v, want: follows(v, SCHEMA["$defs"][want.removeprefix("#/$defs/")]),
-}
-SILENT = {"$schema", "$defs", "title", "description", "properties", "additionalProperties"}
-
-
-def follows(value: Any, schema: dict[str, Any]) -> bool:
-    """Whether a document follows the schema, for the keywords that ours uses; KeyError for any other keyword."""
-    if isinstance(value, dict) and "properties" in schema:
-        unknown = set(value) - set(schema["properties"])
-        if unknown or not all(follows(v, schema["properties"][k]) for k, v in value.items()):
-            return False
-    return all(RULES[keyword](value, want) for keyword, want in schema.items() if keyword not in SILENT)
 
 
 def objects(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
@@ -100,7 +70,8 @@ def test_every_field_of_the_schema_is_documented_and_nothing_else_is_allowed():
 WRONG = [
     (("format",), "coco"),
     (("format",), ...),
-    (("version",), 2),
+    (("version",), 1),
+    (("version",), 3),
     (("version",), "1"),
     (("part",), ""),
     (("part",), 7),
@@ -144,6 +115,11 @@ WRONG = [
     (("bore",), []),
     (("bore", "depth_m"), 0),
     (("bore", "chamfer_m"), 0.001),
+    (("thresholds",), ...),
+    (("thresholds", "canny_low"), 0),
+    (("thresholds", "homogeneity"), "6"),
+    (("thresholds", "fitting_error_px"), ...),
+    (("thresholds", "fitting_error_mm"), 1.0),
 ]
 
 
@@ -171,6 +147,7 @@ BEYOND_THE_SCHEMA = [
     (("features", 0, "attributes", "area_px", "low"), math.nan),
     (("grasps", 0, "rotation_xyzw"), [0, 0, 0, 0]),
     (("bore", "rotation_xyzw"), [0, 0, 0, 1.1]),
+    (("thresholds", "noise_factor"), math.inf),
 ]
 
 
@@ -218,3 +195,25 @@ def test_model_without_bore_grasps_or_symmetry_comes_back():
     text = json.dumps(document, indent=2) + "\n"
     assert follows(document, SCHEMA)
     assert model_to_json(model_from_json(text)) == text
+
+
+def test_adapted_thresholds_come_back():
+    adapted = ExtractionThresholds(canny_low=2.5, canny_high=6.25, shortest_fragment_px=14.0, fitting_error_px=1.2)
+    model = replace(load_model(SHIPPED[0]), thresholds=adapted)
+    assert model_from_json(model_to_json(model)).thresholds == adapted
+    assert load_model(SHIPPED[0]).thresholds == ExtractionThresholds()
+
+
+def test_thresholds_that_contradict_each_other_are_refused():
+    document = changed(("thresholds", "canny_low"), 9.0)
+    with pytest.raises(FileFormatError, match=r"hub\.json: thresholds: got .* canny_low <= canny_high"):
+        model_from_json(json.dumps(document), source="hub.json")
+
+
+def test_last_bits_of_a_measurement_do_not_reach_the_file():
+    model = load_model(SHIPPED[0])
+    features = [
+        replace(f, circle=Circle(f.circle.centre + 1e-11, f.circle.normal, f.circle.radius_m - 1e-11))
+        for f in model.features
+    ]
+    assert model_to_json(replace(model, features=tuple(features))) == model_to_json(model)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.camera import View
-from vision.circle_pose import project_circle
+from vision.circle_pose import Circle, project_circle
 from vision.ellipse import Ellipse, overlap
 from vision.errors import InputError
 from vision.evidence import EdgeField
+from vision.extraction_thresholds import ExtractionThresholds
 from vision.features import EllipseFeature, Process
+from vision.teaching.settling import settle
 from vision.teaching.snapping import snap_to_edge
 from vision.teaching.triangulation import TriangulatedCircle, triangulate_circle
 from vision.vision_model import (
@@ -60,6 +62,7 @@ class Lesson:
         symmetry_fold: number of rotations about the axis that look the same.
         grasps: grasp coordinates.
         bore: the bore, where there is one.
+        thresholds: of the extractors.
     """
 
     part: str
@@ -68,6 +71,7 @@ class Lesson:
     symmetry_fold: int | None = None
     grasps: tuple[GraspCoordinates, ...] = ()
     bore: BoreCoordinates | None = None
+    thresholds: ExtractionThresholds = field(default_factory=ExtractionThresholds)
 
 
 def acquire(lesson: Lesson, views: Sequence[View], found: Sequence[Sequence[EllipseFeature]]) -> VisionModel:
@@ -85,22 +89,32 @@ def acquire(lesson: Lesson, views: Sequence[View], found: Sequence[Sequence[Elli
     """
     edge_fields = [EdgeField.from_gray(v.gray) for v in views]
     features = tuple(_acquire_feature(f, views, edge_fields, found) for f in lesson.features)
-    return VisionModel(lesson.part, lesson.diameter_m, features, lesson.symmetry_fold, lesson.grasps, lesson.bore)
+    return VisionModel(
+        lesson.part,
+        lesson.diameter_m,
+        features,
+        lesson.symmetry_fold,
+        lesson.grasps,
+        lesson.bore,
+        lesson.thresholds,
+    )
 
 
 def locate(feature: TaughtFeature, views: Sequence[View], edge_fields: Sequence[EdgeField]) -> TriangulatedCircle:
-    """Snap the clicks of a feature to the edges and triangulate its circle.
+    """Snap the clicks of a feature to the edges, triangulate its circle, and settle it where the views agree.
 
     A turned part's rims share its axis, and its holes are parallel to it: what the marks say within a tolerance is
     taken as that, which leaves them less to determine.
     """
     marks = {v: snap_to_edge(clicks, edge_fields[v])[1] for v, clicks in feature.clicks.items()}
     try:
-        return triangulate_circle(views, marks, coaxial=feature.role == "salient")
+        found = triangulate_circle(views, marks, coaxial=feature.role == "salient")
     except InputError as error:
         raise InputError(
             f"feature {feature.name!r}", got=error.got, expected=error.expected, do=error.do or "Mark it again."
         ) from error
+    agreeing = set(marks) - set(found.inconsistent())
+    return replace(found, circle=settle(found.circle, found.freedom, sorted(agreeing), views, edge_fields))
 
 
 def _acquire_feature(
@@ -109,7 +123,7 @@ def _acquire_feature(
     edge_fields: Sequence[EdgeField],
     found: Sequence[Sequence[EllipseFeature]],
 ) -> CircleFeature:
-    circle = locate(feature, views, edge_fields).circle
+    circle = _to_micrometre(locate(feature, views, edge_fields).circle)
     images = {v: project_circle(circle, views[v]) for v in feature.clicks}
     seen = {v: _same(image, found[v]) for v, image in images.items() if image is not None}
     return CircleFeature(
@@ -121,6 +135,11 @@ def _acquire_feature(
         support=_edge_support(images, edge_fields),
         attributes=_attribute_ranges([f for v, s in seen.items() for f in s if _fills(f, images[v])]),
     )
+
+
+def _to_micrometre(circle: Circle) -> Circle:
+    """The circle as a model's file has it, so that all that is measured with it is the same on every machine."""
+    return Circle(np.round(circle.centre, 6), np.round(circle.normal, 7), round(circle.radius_m, 6))
 
 
 def propose_extractor(seen: Sequence[Sequence[EllipseFeature]]) -> Process:
@@ -146,7 +165,9 @@ def _edge_support(images: Mapping[int, Ellipse | None], edge_fields: Sequence[Ed
     for v, image in images.items():
         if image is None:
             continue
-        contour = image.sample(96)
+        # Off by a thousandth of a pixel: by symmetry some points lie on the very border of two pixels, and on which
+        # side of it would depend on the last bit.
+        contour = image.sample(96) + 1e-3
         supports.append(float(edge_fields[v].support(contour, image.normals(contour)).mean()))
     return float(np.mean(supports)) if supports else 0.0
 

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from vision.camera import View
-from vision.circle_pose import Circle, circle_conics, circle_poses, plane_axes
+from vision.circle_pose import Circle, circle_poses
 from vision.ellipse import Ellipse
 from vision.errors import InputError
+from vision.teaching.circle_fit import CircleFit, Sightings, fit_circle
 from vision.teaching.snapping import ellipse_through
 
 Array = NDArray[np.float64]
 
 UPRIGHT_TOLERANCE_RAD = float(np.radians(8.0))
 ON_AXIS_TOLERANCE = 0.1  # of the radius
+
+_LOSS = ("soft_l1", 0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +34,8 @@ class TriangulatedCircle:
         centre_sigma_m: standard deviation of the centre, the largest over directions.
         normal_sigma_rad: standard deviation of the direction of the normal.
         radius_sigma_m: standard deviation of the radius.
+        freedom: (D, 6) directions of (centre, two of the normal, radius) that the marks determined; the fixture's
+            axis gave the others.
     """
 
     circle: Circle
@@ -39,6 +43,7 @@ class TriangulatedCircle:
     centre_sigma_m: float
     normal_sigma_rad: float
     radius_sigma_m: float
+    freedom: Array = field(repr=False)
 
     def inconsistent(self, limit_px: float = 2.0) -> list[int]:
         """Views whose marks disagree with the others ('verify its inputs with consistency constraints')."""
@@ -64,47 +69,26 @@ def triangulate_circle(
     """
     if len(marks) < 2:
         raise InputError("marked views", got=len(marks), expected="at least two", do="Mark the feature once more.")
-    free = _fit(views, marks, _linear_circle(views, {v: ellipse_through(p) for v, p in marks.items()}), np.eye(6))
+    sightings = Sightings.of(views, marks)
+    start = _linear_circle(views, {v: ellipse_through(p) for v, p in marks.items()})
+    free = fit_circle(sightings, start, np.eye(6), *_LOSS)
     if abs(free.circle.normal[2]) < np.cos(UPRIGHT_TOLERANCE_RAD):
-        return free
+        return _triangulated(free, sightings, np.eye(6))
     on_axis = coaxial and np.hypot(*free.circle.centre[:2]) < ON_AXIS_TOLERANCE * free.circle.radius_m
     centre = free.circle.centre * ([0.0, 0.0, 1.0] if on_axis else [1.0, 1.0, 1.0])
     upright = Circle(centre, np.array([0.0, 0.0, np.sign(free.circle.normal[2])]), free.circle.radius_m)
-    return _fit(views, marks, upright, np.eye(6)[[2, 5] if on_axis else [0, 1, 2, 5]])
+    freedom = np.eye(6)[[2, 5] if on_axis else [0, 1, 2, 5]]
+    return _triangulated(fit_circle(sightings, upright, freedom, *_LOSS), sightings, freedom)
 
 
-def _fit(views: Sequence[View], marks: Mapping[int, Array], start: Circle, directions: Array) -> TriangulatedCircle:
-    """Least squares from a start, along some directions (D, 6) of (centre, two of the normal, radius)."""
-    u, v = plane_axes(start.normal)
-    scale = np.array([start.radius_m] * 3 + [1.0, 1.0, start.radius_m])
-
-    def circle_of(x: Array) -> Circle:
-        step = (x @ directions) * scale
-        normal = start.normal + step[3] * u + step[4] * v
-        return Circle(start.centre + step[:3], normal, float(abs(start.radius_m + step[5])))
-
-    def residuals(x: Array) -> Array:
-        circle = circle_of(x)
-        return np.concatenate([_distance(circle, views[v], p) / np.sqrt(len(p)) * 6 for v, p in marks.items()])
-
-    solution = least_squares(residuals, np.zeros(len(directions)), loss="soft_l1", f_scale=0.5, x_scale=0.01)
-    circle = circle_of(solution.x)
-    residual = {v: float(np.sqrt(np.mean(_distance(circle, views[v], p) ** 2))) for v, p in marks.items()}
-    covariance = directions.T @ np.linalg.pinv(solution.jac.T @ solution.jac) @ directions
-    sigma = scale * np.sqrt(np.diag(covariance)) * max(residual.values())
+def _triangulated(fit: CircleFit, sightings: Sightings, freedom: Array) -> TriangulatedCircle:
+    residual = sightings.residuals(fit.circle)
+    radius = fit.circle.radius_m
+    scale = np.array([radius] * 3 + [1.0, 1.0, radius])
+    sigma = scale * np.sqrt(np.diag(fit.covariance)) * max(residual.values())
     return TriangulatedCircle(
-        circle, residual, float(sigma[:3].max()), float(np.hypot(sigma[3], sigma[4])), float(sigma[5])
+        fit.circle, residual, float(sigma[:3].max()), float(np.hypot(sigma[3], sigma[4])), float(sigma[5]), freedom
     )
-
-
-def _distance(circle: Circle, view: View, points: Array) -> Array:
-    """First-order distances (N,) of pixels from the image of the circle."""
-    in_camera = circle.moved(view.T_world_camera.inv())
-    conic = circle_conics(in_camera.centre, in_camera.normal, np.array(in_camera.radius_m), view.camera.matrix)
-    homogeneous = np.column_stack([points, np.ones(len(points))])
-    gradient = homogeneous @ conic
-    value = np.einsum("ij,ij->i", gradient, homogeneous)
-    return np.asarray(value / (2 * np.maximum(np.hypot(gradient[:, 0], gradient[:, 1]), 1e-12)))
 
 
 def _linear_circle(views: Sequence[View], ellipses: Mapping[int, Ellipse]) -> Circle:

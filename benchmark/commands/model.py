@@ -1,0 +1,38 @@
+"""``focalpick model``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from benchmark.commands.common import OptionalPath, print_line, results_console
+
+
+def show(
+    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE|PART")], out: OptionalPath = None
+) -> int:
+    """Print a vision model for people, and draw it.
+
+    Its circles with role and extractor, the attributes of their regions, grasps, bore and thresholds.
+
+    Example: focalpick model show hub --out hub.png
+
+    Args:
+        file: a model file, or the name of a part whose model is shipped.
+        out: PNG in which to draw the model from the front and from the side.
+    """
+    from benchmark.localizers import MODELS
+    from benchmark.report.model_render import print_model
+    from vision.model_file import load_model
+
+    shipped = MODELS / f"{file}.json"
+    model = load_model(shipped if not file.suffix and not file.exists() and shipped.is_file() else file)
+    print_model(model, results_console())
+    if out is not None:
+        from benchmark.report.model_figure import save_model_figure  # matplotlib is slow to import
+
+        save_model_figure(model, out)
+        print_line(f"Drawn: {out}")
+    return 0

@@ -1,0 +1,58 @@
+"""How true taught circles are, from models with known errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmark.config import SweepConfig
+from benchmark.localizers import load_model
+from benchmark.taught_circles import circle_errors, study_circles
+from benchmark.variant import Variant
+from benchmark.variant_models import model_path
+from benchmark.world.parts import get_part
+from vision.circle_pose import Circle
+from vision.model_file import save_model
+
+TAUGHT = Variant(click_sigma_px=1, taught_views=5)
+CONFIG = SweepConfig(("cover1", "cover2"), variants=(TAUGHT, Variant(click_sigma_px=2, taught_views=5)))
+
+
+def drawn(name, shift_m=0.0, swell_m=0.0, tilt_rad=0.0):
+    """The shipped model with the circles of the drawing, all wrong by the same amounts."""
+    part, model = get_part(name), load_model(name)
+    rims = {rim.name: rim for rim in part.rims}
+    features = []
+    for feature in model.features:
+        rim = rims[feature.name]
+        axis = rim.side * np.array([np.sin(tilt_rad), 0.0, np.cos(tilt_rad)])
+        centre = np.array([rim.offset_m, 0.0, rim.z_m + shift_m])
+        features.append(replace(feature, circle=Circle(centre, axis, rim.radius_m + swell_m)))
+    return replace(model, features=tuple(features))
+
+
+def test_circles_of_the_drawing_have_no_error():
+    model = drawn("cover1")
+    errors = circle_errors(model, get_part("cover1"))
+    assert errors.centre_mm.n == errors.radius_mm.n == errors.tilt_deg.n == len(model.features)
+    assert (errors.centre_mm.mean, errors.radius_mm.mean, errors.tilt_deg.mean) == pytest.approx((0, 0, 0), abs=1e-6)
+
+
+def test_known_errors_are_found():
+    errors = circle_errors(drawn("cover1", 1e-4, -2e-4, 0.004), get_part("cover1"))
+    assert errors.centre_mm.mean == pytest.approx(0.1)
+    assert errors.radius_mm.mean == pytest.approx(0.2)
+    assert errors.tilt_deg.mean == pytest.approx(np.degrees(0.004))
+    assert errors.tilt_deg.std == pytest.approx(0, abs=1e-9)
+
+
+def test_models_that_are_there_are_measured(tmp_path):
+    assert study_circles(CONFIG, tmp_path) == {}
+    path = model_path(tmp_path, TAUGHT, "cover2")
+    path.parent.mkdir(parents=True)
+    save_model(drawn("cover2", shift_m=5e-5), path)
+    ((key, errors),) = study_circles(CONFIG, tmp_path).items()
+    assert key == (TAUGHT, "cover2")
+    assert errors.centre_mm.mean == pytest.approx(0.05, abs=1e-4)
