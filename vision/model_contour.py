@@ -69,6 +69,14 @@ class ModelContour:
         """The salient circles alone; the numbering of the circles stays."""
         return self._salient
 
+    def sparse(self) -> ModelContour:
+        """Every third sample of the salient circles; the numbering of the circles stays."""
+        return self._sparse
+
+    @cached_property
+    def _sparse(self) -> ModelContour:
+        return self._salient._samples(slice(None, None, 3))
+
     @cached_property
     def _asymmetric(self) -> ModelContour:
         return self._only(~self.circle_symmetric)
@@ -78,13 +86,15 @@ class ModelContour:
         return self._only(self.circle_salient)
 
     def _only(self, circles: NDArray[np.bool_]) -> ModelContour:
-        chosen = circles[self.circle]
+        return self._samples(circles[self.circle])
+
+    def _samples(self, chosen: NDArray[np.bool_] | slice) -> ModelContour:
         return replace(
             self,
-            points=self.points[chosen],
-            tangents=self.tangents[chosen],
-            normals=self.normals[chosen],
-            circle=self.circle[chosen],
+            points=np.ascontiguousarray(self.points[chosen]),
+            tangents=np.ascontiguousarray(self.tangents[chosen]),
+            normals=np.ascontiguousarray(self.normals[chosen]),
+            circle=np.ascontiguousarray(self.circle[chosen]),
         )
 
     @classmethod
@@ -132,7 +142,7 @@ class ModelContour:
 
 @njit(cache=True)
 def tally_support(  # type: ignore[no-untyped-def]
-    T_camera_part, intrinsics, samples, edges, reach_px, total, count
+    poses, cameras, samples, edges, reach_px, total, count
 ):  # pragma: no cover - compiled
     """Add the edge support of each circle's samples to ``total`` and their number to ``count``.
 
@@ -140,43 +150,46 @@ def tally_support(  # type: ignore[no-untyped-def]
     innermost loop of matching.
 
     Args:
-        T_camera_part: (4, 4).
-        intrinsics: fx, fy, cx, cy.
+        poses: (N, 4, 4) T_world_part.
+        cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
         samples: points, tangents, normals (S, 3) and circle numbers (S,).
-        edges: distance (H, W), direction (H, W, 2) and claimed (H, W).
+        edges: distance (V, H, W), direction (V, H, W, 2) and claimed (V, H, W).
         reach_px: tolerance.
-        total: (C,) added to.
-        count: (C,) added to.
+        total: (N, V, C) added to.
+        count: (N, V, C) added to.
     """
-    fx, fy, cx, cy = intrinsics
     points, tangents, normals, circle = samples
     distance, direction, claimed = edges
-    height, width = distance.shape
+    height, width = claimed.shape[1:]
     loosest, tightest = np.cos(np.radians(35.0)), np.cos(np.radians(15.0))
-    R, t = T_camera_part[:3, :3], T_camera_part[:3, 3]
-    for i in range(len(points)):
-        p, n = points[i], normals[i]
-        x = R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2] + t[0]
-        y = R[1, 0] * p[0] + R[1, 1] * p[1] + R[1, 2] * p[2] + t[1]
-        z = R[2, 0] * p[0] + R[2, 1] * p[1] + R[2, 2] * p[2] + t[2]
-        nx = R[0, 0] * n[0] + R[0, 1] * n[1] + R[0, 2] * n[2]
-        ny = R[1, 0] * n[0] + R[1, 1] * n[1] + R[1, 2] * n[2]
-        nz = R[2, 0] * n[0] + R[2, 1] * n[1] + R[2, 2] * n[2]
-        if z < 1e-3 or -(nx * x + ny * y + nz * z) <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
-            continue
-        u, v = int(np.rint(fx * x / z + cx)), int(np.rint(fy * y / z + cy))
-        if u < 2 or v < 2 or u > width - 3 or v > height - 3:
-            continue
-        count[circle[i]] += 1.0
-        near = (reach_px - distance[v, u]) / (reach_px - 1.0)
-        if near <= 0.0 or claimed[v, u]:
-            continue
-        q = tangents[i]
-        tx = R[0, 0] * q[0] + R[0, 1] * q[1] + R[0, 2] * q[2]
-        ty = R[1, 0] * q[0] + R[1, 1] * q[1] + R[1, 2] * q[2]
-        tz = R[2, 0] * q[0] + R[2, 1] * q[1] + R[2, 2] * q[2]
-        du, dv = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
-        length = np.sqrt(du * du + dv * dv)
-        aligned = abs(direction[v, u, 0] * dv - direction[v, u, 1] * du) / max(length, 1e-12)
-        share = (aligned - loosest) / (tightest - loosest)
-        total[circle[i]] += min(near, 1.0) * min(max(share, 0.0), 1.0)
+    for pose in range(len(poses)):
+        for view in range(len(claimed)):
+            T = cameras[0][view] @ poses[pose]
+            R, t = T[:3, :3], T[:3, 3]
+            fx, fy, cx, cy = cameras[1][view]
+            for i in range(len(points)):
+                p, n = points[i], normals[i]
+                x = R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2] + t[0]
+                y = R[1, 0] * p[0] + R[1, 1] * p[1] + R[1, 2] * p[2] + t[1]
+                z = R[2, 0] * p[0] + R[2, 1] * p[1] + R[2, 2] * p[2] + t[2]
+                nx = R[0, 0] * n[0] + R[0, 1] * n[1] + R[0, 2] * n[2]
+                ny = R[1, 0] * n[0] + R[1, 1] * n[1] + R[1, 2] * n[2]
+                nz = R[2, 0] * n[0] + R[2, 1] * n[1] + R[2, 2] * n[2]
+                if z < 1e-3 or -(nx * x + ny * y + nz * z) <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
+                    continue
+                u, v = int(np.rint(fx * x / z + cx)), int(np.rint(fy * y / z + cy))
+                if u < 2 or v < 2 or u > width - 3 or v > height - 3:
+                    continue
+                count[pose, view, circle[i]] += 1.0
+                near = (reach_px - distance[view, v, u]) / (reach_px - 1.0)
+                if near <= 0.0 or claimed[view, v, u]:
+                    continue
+                q = tangents[i]
+                tx = R[0, 0] * q[0] + R[0, 1] * q[1] + R[0, 2] * q[2]
+                ty = R[1, 0] * q[0] + R[1, 1] * q[1] + R[1, 2] * q[2]
+                tz = R[2, 0] * q[0] + R[2, 1] * q[1] + R[2, 2] * q[2]
+                du, dv = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
+                length = np.sqrt(du * du + dv * dv)
+                aligned = abs(direction[view, v, u, 0] * dv - direction[view, v, u, 1] * du) / max(length, 1e-12)
+                share = (aligned - loosest) / (tightest - loosest)
+                total[pose, view, circle[i]] += min(near, 1.0) * min(max(share, 0.0), 1.0)
