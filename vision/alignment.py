@@ -9,12 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from vision.model_contour import COVER_MARGIN, GRAZING_COSINE
+
 ROBUST_SCALE = 3.0
 NOISE_FLOOR_PX = 0.1
 AXIS_SPRING = 1e6  # relative: holds the rotation about the part's axis, which coaxial circles cannot tell
 FEWEST_POINTS = 12
 LOOSEST_ALIGNMENT = np.cos(np.radians(35.0))
-GRAZING_COSINE = 0.12
 
 
 @njit(cache=True)
@@ -83,7 +84,8 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
         poses: (N, 4, 4) T_world_part; corrected in place.
         cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
         samples: points, tangents, normals (S, 3) of the contour in the part's frame.
-        edges: direction (V, H, W, 2), nearest edge (V, H, W, 2) as x, y, and claimed (V, H, W).
+        edges: direction (V, H, W, 2), nearest edge (V, H, W, 2) as x, y, claimed (V, H, W), and the depth (V, H, W)
+            beyond which parts already found hide what is there.
         reaches: tolerance in pixels, iteration by iteration.
         inplane: whether the rotation about the part's axis is corrected too.
 
@@ -92,9 +94,10 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
     """
     T_camera_world, intrinsics = cameras
     points, tangents, normals = samples
-    direction, nearest, claimed = edges
+    direction, nearest, claimed, cover = edges
     height, width = claimed.shape[1:]
     good = np.ones(len(poses), np.bool_)
+    margin = COVER_MARGIN * np.abs(points).max()
     most = len(T_camera_world) * len(points)
     rows, residuals = np.empty((most, 6)), np.empty(most)
     for i in range(len(poses)):
@@ -112,6 +115,8 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
                     u, w = fx * x / z + cx, fy * y / z + cy
                     column, line = int(np.rint(u)), int(np.rint(w))
                     if column < 2 or line < 2 or column > width - 3 or line > height - 3:
+                        continue
+                    if z > cover[v, line, column] + margin:
                         continue
                     ex, ey = nearest[v, line, column]
                     if ex < 0 or (ex - u) ** 2 + (ey - w) ** 2 > (reach + 1.0) ** 2:

@@ -16,7 +16,9 @@ from vision.alignment import align_on_edges
 from vision.camera import View, camera_arrays
 from vision.evidence import EdgeField
 from vision.model_contour import ModelContour, tally_support
+from vision.occlusion import cover
 from vision.pose import Observations
+from vision.vision_model import VisionModel
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -24,6 +26,8 @@ Mask = NDArray[np.bool_]
 REACH_PX = 3.0
 INPLANE_STEP_PX = 1.5
 CLAIM_SUPPORT = 0.3
+CHANCE_SUPPORT = 0.2  # what random edges give
+LEAST_SHOWN = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,25 +63,28 @@ class SceneEdges:
         self._direction = _stacked([f.direction for f in fields], 0.0)
         self._nearest = _stacked([f.nearest for f in fields], -1.0)
         self._claimed: Mask = np.zeros(self._distance.shape, bool)
+        self._cover = np.full(self._distance.shape, np.inf, np.float32)
 
     def forget_claims(self) -> None:
         """Set all edges free."""
         self._claimed[:] = False
+        self._cover[:] = np.inf
 
     def evidence(self, poses: Array, contour: ModelContour, reach_px: float = REACH_PX) -> Evidence:
         """Support of poses (N, 4, 4) by edges within ``reach_px`` that no other part has claimed."""
         total, count = self._tally(poses, contour, reach_px)
-        samples = count.sum(axis=1)
+        seen, facing = count[..., 0], count[..., 1]
         # A small hole says as much per pixel as a rim, but a rim is longer: square roots balance the two.
-        weight = contour.circle_weight * np.sqrt(samples)
-        mean = total.sum(axis=1) / np.maximum(samples, 1)
-        salient = weight * contour.circle_salient
-        supporting = weight * ~contour.circle_salient
-        of_view = total.sum(axis=2) / np.maximum(count.sum(axis=2), 1)
+        weight = contour.circle_weight * np.sqrt(seen.sum(axis=1))
+        mean = total.sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
+        # What little a part shows must speak for more than itself.
+        shown = seen.sum(axis=(1, 2)) / np.maximum(facing.sum(axis=(1, 2)), 1)
+        trust = np.minimum(shown / LEAST_SHOWN, 1.0)
+        of_view = total.sum(axis=2) / np.maximum(seen.sum(axis=2), 1)
         return Evidence(
-            _weighted_mean(mean, weight, 0.0),
-            _weighted_mean(mean, salient, 0.0),
-            _weighted_mean(mean, supporting, np.nan),
+            trust * _weighted_mean(mean, weight, 0.0),
+            trust * _weighted_mean(mean, weight * contour.circle_salient, 0.0),
+            trust * _weighted_mean(mean, weight * ~contour.circle_salient, np.nan),
             np.count_nonzero(of_view > 0.5 * np.maximum(of_view.max(axis=1, keepdims=True), 0.1), axis=1),
         )
 
@@ -90,14 +97,17 @@ class SceneEdges:
             (N,) False where too few edges were in reach.
         """
         samples = (contour.points, contour.tangents, contour.normals)
-        edges = (self._direction, self._nearest, self._claimed)
+        edges = (self._direction, self._nearest, self._claimed, self._cover)
         return align_on_edges(poses, self.cameras, samples, edges, np.array(reaches_px), inplane)
 
     def inplane_support(self, T_world_part: Array, contour: ModelContour, angles: Array) -> Array:
         """Mean support (A,) of the circles that tell the rotation about z, at each of the angles (A,)."""
         part = contour.asymmetric()
         total, count = self._tally(turned(T_world_part, angles), part, REACH_PX)
-        return (total.sum(axis=1) @ part.circle_weight) / np.maximum(count.sum(axis=1) @ part.circle_weight, 1.0)
+        seen = count[..., 0].sum(axis=1) @ part.circle_weight
+        # Chance support is taken off: turning holes out of sight must not look better than seeing them.
+        gain = total.sum(axis=1) @ part.circle_weight - CHANCE_SUPPORT * seen
+        return gain / max(float(seen.mean()), 1.0)
 
     def find_inplane(self, T_world_part: Array, contour: ModelContour, fold: int) -> tuple[Array, bool]:
         """Turn a pose about its axis to where the supporting features have edges.
@@ -143,9 +153,10 @@ class SceneEdges:
         view_index, points, pixels, normals, circle = (np.concatenate([b[k] for b in blocks]) for k in range(5))
         return Observations(view_index, points, pixels, normals, np.full(len(view_index), sigma_px), circle)
 
-    def claim(self, T_world_part: Array, contour: ModelContour, width_px: int = 2) -> None:
-        """Mark the edges that a part explains as its own."""
+    def claim(self, T_world_part: Array, contour: ModelContour, model: VisionModel, width_px: int = 2) -> None:
+        """Mark the edges that a part explains as its own, and what it hides as hidden."""
         for v, view in enumerate(self.views):
+            cover(self._cover[v], T_world_part, view, model)
             projection = contour.project(T_world_part, view)
             support = self.fields[v].support(projection.pixels, projection.normals, REACH_PX)
             support[self._is_claimed(v, projection.pixels)] = 0
@@ -155,11 +166,11 @@ class SceneEdges:
                 self._claimed[v][rows, max(x - width_px, 0) : min(x + width_px + 1, width)] = True
 
     def _tally(self, poses: Array, contour: ModelContour, reach_px: float) -> tuple[Array, Array]:
-        """Sum of the support and number of the samples, (N, V, C) each, of the circles that face the cameras."""
+        """Sum of the support (N, V, C), and number of the samples (N, V, C, 2) in sight, and of all that face it."""
         shape = (len(poses), len(self.views), len(contour.circle_weight))
-        total, count = np.zeros(shape), np.zeros(shape)
+        total, count = np.zeros(shape), np.zeros((*shape, 2))
         samples = (contour.points, contour.tangents, contour.normals, contour.circle)
-        edges = (self._distance, self._direction, self._claimed)
+        edges = (self._distance, self._direction, self._claimed, self._cover)
         tally_support(np.ascontiguousarray(poses), self.cameras, samples, edges, reach_px, total, count)
         return total, count
 

@@ -183,7 +183,7 @@ class Matcher:
             if final is None:
                 continue
             accepted.append(final)
-            self.scene.claim(final.T_world_part.as_matrix(), contour)
+            self.scene.claim(final.T_world_part.as_matrix(), contour, self.model)
             pool = self._left_over(pool, final.T_world_part.translation, contour)
         return accepted, pool
 

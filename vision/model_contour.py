@@ -16,6 +16,7 @@ from vision.vision_model import VisionModel
 Array = NDArray[np.float64]
 
 SAMPLE_SPACING_PX = 3.0
+COVER_MARGIN = 0.1  # of the part's radius, behind the surface of another part
 GRAZING_COSINE = 0.12  # a circle seen at more than 83 degrees from its normal is not expected to show an edge
 
 
@@ -153,14 +154,16 @@ def tally_support(  # type: ignore[no-untyped-def]
         poses: (N, 4, 4) T_world_part.
         cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
         samples: points, tangents, normals (S, 3) and circle numbers (S,).
-        edges: distance (V, H, W), direction (V, H, W, 2) and claimed (V, H, W).
+        edges: distance (V, H, W), direction (V, H, W, 2), claimed (V, H, W), and the depth (V, H, W) beyond which
+            parts already found hide what is there.
         reach_px: tolerance.
         total: (N, V, C) added to.
-        count: (N, V, C) added to.
+        count: (N, V, C, 2) added to: the samples that nothing known hides, and all that face the camera.
     """
     points, tangents, normals, circle = samples
-    distance, direction, claimed = edges
+    distance, direction, claimed, cover = edges
     height, width = claimed.shape[1:]
+    margin = COVER_MARGIN * np.abs(points).max()
     loosest, tightest = np.cos(np.radians(35.0)), np.cos(np.radians(15.0))
     for pose in range(len(poses)):
         for view in range(len(claimed)):
@@ -180,7 +183,10 @@ def tally_support(  # type: ignore[no-untyped-def]
                 u, v = int(np.rint(fx * x / z + cx)), int(np.rint(fy * y / z + cy))
                 if u < 2 or v < 2 or u > width - 3 or v > height - 3:
                     continue
-                count[pose, view, circle[i]] += 1.0
+                count[pose, view, circle[i], 1] += 1.0
+                if z > cover[view, v, u] + margin:
+                    continue
+                count[pose, view, circle[i], 0] += 1.0
                 near = (reach_px - distance[view, v, u]) / (reach_px - 1.0)
                 if near <= 0.0 or claimed[view, v, u]:
                     continue
