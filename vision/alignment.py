@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from vision.model_contour import COVER_MARGIN, GRAZING_COSINE
+from vision.model_contour import COVER_MARGIN, GRAZING_COSINE, passes_rims
 
 ROBUST_SCALE = 3.0
 NOISE_FLOOR_PX = 0.1
@@ -46,8 +46,8 @@ def align_on_ellipses(poses, matches, cameras, circles, table, iterations):  # t
             count = 0
             for v in range(len(T_camera_world)):
                 T = T_camera_world[v] @ poses[i]
-                R, t = T[:3, :3], T[:3, 3]
-                eye = -(R.T @ t)
+                R = T[:3, :3]
+                eye = _eye(T)
                 fx, fy, cx, cy = intrinsics[v]
                 for k in range(len(radius)):
                     if matches[i, v, k] < 0:
@@ -83,7 +83,8 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
     Args:
         poses: (N, 4, 4) T_world_part; corrected in place.
         cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
-        samples: points, tangents, normals (S, 3) of the contour in the part's frame.
+        samples: points, tangents, normals (S, 3), circle numbers (S,) and rims (C, B, 2) of a
+            :class:`vision.model_contour.ModelContour`.
         edges: direction (V, H, W, 2), nearest edge (V, H, W, 2) as x, y, claimed (V, H, W), and the depth (V, H, W)
             beyond which parts already found hide what is there.
         reaches: tolerance in pixels, iteration by iteration.
@@ -93,7 +94,7 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
         (N,) False where too few edges were in reach.
     """
     T_camera_world, intrinsics = cameras
-    points, tangents, normals = samples
+    points, tangents, normals, circle, rims = samples
     direction, nearest, claimed, cover = edges
     height, width = claimed.shape[1:]
     good = np.ones(len(poses), np.bool_)
@@ -106,11 +107,14 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
             for v in range(len(T_camera_world)):
                 T = T_camera_world[v] @ poses[i]
                 fx, fy, cx, cy = intrinsics[v]
+                eye = _eye(T)
                 for s in range(len(points)):
                     x, y, z = _moved(T, points[s])
                     nx, ny, nz = _rotated(T, normals[s])
                     facing = -(nx * x + ny * y + nz * z)
                     if z < 1e-3 or facing <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
+                        continue
+                    if not passes_rims(points[s, 0], points[s, 1], points[s, 2], rims[circle[s]], eye):
                         continue
                     u, w = fx * x / z + cx, fy * y / z + cy
                     column, line = int(np.rint(u)), int(np.rint(w))
@@ -140,6 +144,15 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
                 break
             _step(poses[i], rows[:count], residuals[:count], inplane)
     return good
+
+
+@njit(cache=True)
+def _eye(T):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """The camera's centre in the part's frame."""
+    out = np.empty(3)
+    for j in range(3):
+        out[j] = -(T[0, j] * T[0, 3] + T[1, j] * T[1, 3] + T[2, j] * T[2, 3])
+    return out
 
 
 @njit(cache=True, inline="always")

@@ -96,7 +96,7 @@ class SceneEdges:
         Returns:
             (N,) False where too few edges were in reach.
         """
-        samples = (contour.points, contour.tangents, contour.normals)
+        samples = (contour.points, contour.tangents, contour.normals, contour.circle, contour.rims)
         edges = (self._direction, self._nearest, self._claimed, self._cover)
         return align_on_edges(poses, self.cameras, samples, edges, np.array(reaches_px), inplane)
 
@@ -169,7 +169,7 @@ class SceneEdges:
         """Sum of the support (N, V, C), and number of the samples (N, V, C, 2) in sight, and of all that face it."""
         shape = (len(poses), len(self.views), len(contour.circle_weight))
         total, count = np.zeros(shape), np.zeros((*shape, 2))
-        samples = (contour.points, contour.tangents, contour.normals, contour.circle)
+        samples = (contour.points, contour.tangents, contour.normals, contour.circle, contour.rims)
         edges = (self._distance, self._direction, self._claimed, self._cover)
         tally_support(np.ascontiguousarray(poses), self.cameras, samples, edges, reach_px, total, count)
         return total, count

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,12 +11,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.camera import View
-from vision.circle_pose import plane_axes
+from vision.circle_pose import Circle, plane_axes
 from vision.vision_model import VisionModel
 
 Array = NDArray[np.float64]
 
 SAMPLE_SPACING_PX = 3.0
+RIM_SLACK = 0.03  # taught radii are not exact, rims are rounded
 COVER_MARGIN = 0.1  # of the part's radius, behind the surface of another part
 GRAZING_COSINE = 0.12  # a circle seen at more than 83 degrees from its normal is not expected to show an edge
 
@@ -47,6 +49,7 @@ class ModelContour:
         circle_salient: (C,) whether the circle is a salient feature.
         circle_symmetric: (C,) whether the circle looks the same under every rotation about z.
         circle_weight: (C,) how much it counts: the edge support that it had when it was taught.
+        rims: (C, B, 2) radius and height of the salient circles through or past which a circle is seen; NaN fills up.
     """
 
     points: Array
@@ -56,6 +59,7 @@ class ModelContour:
     circle_salient: NDArray[np.bool_]
     circle_symmetric: NDArray[np.bool_]
     circle_weight: Array
+    rims: Array
 
     @cached_property
     def reach_m(self) -> float:
@@ -118,7 +122,8 @@ class ModelContour:
                 weight.append(feature.support)
         points, tangents, normals = (np.vstack([p[k] for p in parts]) for k in range(3))
         number = np.repeat(np.arange(len(parts)), [len(p[0]) for p in parts])
-        return cls(points, tangents, normals, number, np.array(salient), np.array(symmetric), np.array(weight))
+        rims = _rims_before([circle for f in model.features for circle in f.circles()], model)
+        return cls(points, tangents, normals, number, np.array(salient), np.array(symmetric), np.array(weight), rims)
 
     def project(self, T_world_part: Array, view: View) -> Projection:
         """Project the samples of the circles that face the camera.
@@ -131,7 +136,9 @@ class ModelContour:
         R = T[:3, :3]
         points = self.points @ R.T + T[:3, 3]
         facing = -np.einsum("ij,ij->i", self.normals @ R.T, points) / np.linalg.norm(points, axis=1)
-        index = np.flatnonzero((facing > GRAZING_COSINE) & (points[:, 2] > 1e-3))
+        eye = np.ascontiguousarray(-R.T @ T[:3, 3])
+        clear = in_sight(self.points, self.rims[self.circle], eye)
+        index = np.flatnonzero((facing > GRAZING_COSINE) & (points[:, 2] > 1e-3) & clear)
         x, y, z = points[index].T
         tx, ty, tz = (self.tangents[index] @ R.T).T
         camera = view.camera
@@ -139,6 +146,55 @@ class ModelContour:
         along = np.column_stack([camera.fx * (tx - x / z * tz), camera.fy * (ty - y / z * tz)])
         along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
         return Projection(index, pixels, np.column_stack([along[:, 1], -along[:, 0]]))
+
+
+def _rims_before(circles: Sequence[Circle], model: VisionModel) -> Array:
+    """For each circle the salient ones of the same side that lie nearer to the viewer, (C, B, 2)."""
+    rims = [f.circle for f in model.salient]
+    slack = 0.01 * model.diameter_m
+    before = [
+        [(rim.radius_m, rim.centre[2]) for rim in rims if _is_before(rim, circle, slack)] for circle in circles
+    ]
+    out = np.full((len(circles), max(map(len, before), default=0), 2), np.nan)
+    for row, found in zip(out, before, strict=True):
+        row[: len(found)] = np.reshape(found, (-1, 2))
+    return out
+
+
+def _is_before(rim: Circle, circle: Circle, slack: float) -> bool:
+    side = np.sign(circle.normal[2])
+    return bool(side == np.sign(rim.normal[2]) and side * (rim.centre[2] - circle.centre[2]) > slack)
+
+
+@njit(cache=True, inline="always")
+def passes_rims(x, y, z, rims, eye):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Whether a point of the part is seen from the eye past the rims before it, all in the part's frame.
+
+    The surface of one body joins the point and the rim. A line of sight that starts on one side of the rim's radius
+    and crosses the rim's plane on the other side has gone through that surface: the floor of a cup hides behind the
+    wall, a flange behind the hat.
+    """
+    radius = np.sqrt(x * x + y * y)
+    for k in range(len(rims)):
+        if np.isnan(rims[k, 0]):
+            break
+        share = (rims[k, 1] - z) / (eye[2] - z)
+        crossing = np.sqrt((x + share * (eye[0] - x)) ** 2 + (y + share * (eye[1] - y)) ** 2)
+        if radius < rims[k, 0]:
+            if crossing > (1 + RIM_SLACK) * rims[k, 0]:
+                return False
+        elif crossing < (1 - RIM_SLACK) * rims[k, 0]:
+            return False
+    return True
+
+
+@njit(cache=True)
+def in_sight(points, rims, eye):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """:func:`passes_rims` of points (N, 3) with rims (N, B, 2)."""
+    out = np.empty(len(points), np.bool_)
+    for i in range(len(points)):
+        out[i] = passes_rims(points[i, 0], points[i, 1], points[i, 2], rims[i], eye)
+    return out
 
 
 @njit(cache=True)
@@ -153,14 +209,14 @@ def tally_support(  # type: ignore[no-untyped-def]
     Args:
         poses: (N, 4, 4) T_world_part.
         cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
-        samples: points, tangents, normals (S, 3) and circle numbers (S,).
+        samples: points, tangents, normals (S, 3), circle numbers (S,) and rims (C, B, 2).
         edges: distance (V, H, W), direction (V, H, W, 2), claimed (V, H, W), and the depth (V, H, W) beyond which
             parts already found hide what is there.
         reach_px: tolerance.
         total: (N, V, C) added to.
         count: (N, V, C, 2) added to: the samples that nothing known hides, and all that face the camera.
     """
-    points, tangents, normals, circle = samples
+    points, tangents, normals, circle, rims = samples
     distance, direction, claimed, cover = edges
     height, width = claimed.shape[1:]
     margin = COVER_MARGIN * np.abs(points).max()
@@ -170,6 +226,9 @@ def tally_support(  # type: ignore[no-untyped-def]
             T = cameras[0][view] @ poses[pose]
             R, t = T[:3, :3], T[:3, 3]
             fx, fy, cx, cy = cameras[1][view]
+            eye = np.empty(3)
+            for j in range(3):
+                eye[j] = -(R[0, j] * t[0] + R[1, j] * t[1] + R[2, j] * t[2])
             for i in range(len(points)):
                 p, n = points[i], normals[i]
                 x = R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2] + t[0]
@@ -182,6 +241,8 @@ def tally_support(  # type: ignore[no-untyped-def]
                     continue
                 u, v = int(np.rint(fx * x / z + cx)), int(np.rint(fy * y / z + cy))
                 if u < 2 or v < 2 or u > width - 3 or v > height - 3:
+                    continue
+                if not passes_rims(p[0], p[1], p[2], rims[circle[i]], eye):
                     continue
                 count[pose, view, circle[i], 1] += 1.0
                 if z > cover[view, v, u] + margin:
