@@ -42,7 +42,7 @@ class MatchingParameters:
     """
 
     candidates: int = 60
-    minimum_scores: tuple[float, ...] = (0.6, 0.45, 0.35, 0.30)
+    minimum_scores: tuple[float, ...] = (0.6, 0.5, 0.42)
     minimum_separation: float = 0.12
     reach_px: tuple[float, ...] = (5.0, 4.0, 3.0, 2.5, 2.0, 2.0, 1.5, 1.5)
     rim_reach_px: tuple[float, ...] = (6.0, 5.0, 4.0, 3.0)
@@ -142,14 +142,13 @@ class Matcher:
         poses, matches = candidates.poses(), candidates.matches
         cameras, circles = self.scene.cameras, self.circles.arrays
         good = np.ones(len(poses), bool)
-        poses = self._at_best_depth(poses, candidates.seed, contour)
-        matches = votes_of(poses, cameras, circles, table)[1]
         for _ in range(2):
             good &= align_on_ellipses(poses, matches, cameras, circles, table.arrays, 4)
             matches = votes_of(poses, cameras, circles, table)[1]
         good &= (matches >= 0).any(axis=(1, 2))
         poses, matches, seed = poses[good], matches[good], candidates.seed[good]
         if self.parameters.joint_edges:
+            poses = self._at_best_depth(poses, seed, contour)
             poses = self._aligned_on_rims(poses, contour)
         return HypothesisPool.of(poses, matches, seed, self.scene.evidence(poses, contour))
 
@@ -163,7 +162,7 @@ class Matcher:
         sight = poses[:, :3, 3] - eyes
         moved = np.repeat(poses[:, None], len(shares), axis=1)
         moved[:, :, :3, 3] += shares[:, None] * sight[:, None]
-        support = self.scene.evidence(moved.reshape(-1, 4, 4), contour.sparse(), 4.0).salient.reshape(len(poses), -1)
+        support = self.scene.evidence(moved.reshape(-1, 4, 4), contour.sparse(), 4.0).salient.reshape(moved.shape[:2])
         best = (support - 2.0 * np.abs(shares)).argmax(axis=1)
         return np.asarray(moved[np.arange(len(poses)), best])
 
