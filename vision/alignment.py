@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from vision.model_contour import COVER_MARGIN, GRAZING_COSINE, passes_rims
+from vision.model_contour import COVER_MARGIN, GRAZING_COSINE, eye_of, moved, passes_rims, rotated
 
 ROBUST_SCALE = 3.0
 NOISE_FLOOR_PX = 0.1
@@ -47,7 +47,7 @@ def align_on_ellipses(poses, matches, cameras, circles, table, iterations):  # t
             for v in range(len(T_camera_world)):
                 T = T_camera_world[v] @ poses[i]
                 R = T[:3, :3]
-                eye = _eye(T)
+                eye = eye_of(T)
                 fx, fy, cx, cy = intrinsics[v]
                 for k in range(len(radius)):
                     if matches[i, v, k] < 0:
@@ -107,10 +107,10 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
             for v in range(len(T_camera_world)):
                 T = T_camera_world[v] @ poses[i]
                 fx, fy, cx, cy = intrinsics[v]
-                eye = _eye(T)
+                eye = eye_of(T)
                 for s in range(len(points)):
-                    x, y, z = _moved(T, points[s])
-                    nx, ny, nz = _rotated(T, normals[s])
+                    x, y, z = moved(T, points[s])
+                    nx, ny, nz = rotated(T, normals[s])
                     facing = -(nx * x + ny * y + nz * z)
                     if z < 1e-3 or facing <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
                         continue
@@ -127,7 +127,7 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
                         continue
                     if claimed[v, int(np.rint(ey)), int(np.rint(ex))]:
                         continue
-                    tx, ty, tz = _rotated(T, tangents[s])
+                    tx, ty, tz = rotated(T, tangents[s])
                     du, dw = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
                     length = max(np.sqrt(du * du + dw * dw), 1e-12)
                     gx, gy = direction[v, line, column]
@@ -147,38 +147,14 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
 
 
 @njit(cache=True)
-def _eye(T):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """The camera's centre in the part's frame."""
-    out = np.empty(3)
-    for j in range(3):
-        out[j] = -(T[0, j] * T[0, 3] + T[1, j] * T[1, 3] + T[2, j] * T[2, 3])
-    return out
-
-
-@njit(cache=True, inline="always")
-def _moved(T, p):  # type: ignore[no-untyped-def]  # pragma: no cover
-    x, y, z = _rotated(T, p)
-    return x + T[0, 3], y + T[1, 3], z + T[2, 3]
-
-
-@njit(cache=True, inline="always")
-def _rotated(T, p):  # type: ignore[no-untyped-def]  # pragma: no cover
-    return (
-        T[0, 0] * p[0] + T[0, 1] * p[1] + T[0, 2] * p[2],
-        T[1, 0] * p[0] + T[1, 1] * p[1] + T[1, 2] * p[2],
-        T[2, 0] * p[0] + T[2, 1] * p[1] + T[2, 2] * p[2],
-    )
-
-
-@njit(cache=True)
 def _row(T, T_camera_world, intrinsics, point, tangent, seen_x, seen_y, row, residuals, count):  # type: ignore[no-untyped-def]  # pragma: no cover
     """One line of the normal equations: d(distance along the normal)/d(translation, rotation about the origin)."""
     fx, fy, cx, cy = intrinsics
-    ax, ay, az = _rotated(T, point)
+    ax, ay, az = rotated(T, point)
     x, y, z = ax + T[0, 3], ay + T[1, 3], az + T[2, 3]
     if z < 1e-3:
         return False
-    tx, ty, tz = _rotated(T, tangent)
+    tx, ty, tz = rotated(T, tangent)
     du, dw = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
     length = np.sqrt(du * du + dw * dw)
     if length < 1e-12:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -160,10 +161,10 @@ class SceneEdges:
             projection = contour.project(T_world_part, view)
             support = self.fields[v].support(projection.pixels, projection.normals, REACH_PX)
             support[self._is_claimed(v, projection.pixels)] = 0
-            height, width = self.fields[v].distance.shape
-            for x, y in np.round(projection.pixels[support > CLAIM_SUPPORT]).astype(int):
-                rows = slice(max(y - width_px, 0), min(y + width_px + 1, height))
-                self._claimed[v][rows, max(x - width_px, 0) : min(x + width_px + 1, width)] = True
+            mine = np.zeros(self._claimed[v].shape, np.uint8)
+            x, y = np.round(projection.pixels[support > CLAIM_SUPPORT]).astype(np.intp).T
+            mine[y, x] = 1
+            self._claimed[v] |= cv2.dilate(mine, np.ones((2 * width_px + 1,) * 2, np.uint8)) > 0
 
     def _tally(self, poses: Array, contour: ModelContour, reach_px: float) -> tuple[Array, Array]:
         """Sum of the support (N, V, C), and number of the samples (N, V, C, 2) in sight, and of all that face it."""

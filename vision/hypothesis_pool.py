@@ -23,7 +23,7 @@ class HypothesisPool:
         matches: (N, V, K) the ellipses matched to the salient circles, -1 for none.
         seed: (N, 3) view, ellipse and salient circle that the hypothesis was made from.
         salient: (N,) edge support of the salient circles.
-        score: (N,) edge support of all circles.
+        score: (N,) edge support of all circles; that of the salient ones before the hypothesis is turned.
         turned: (N,) whether the rotation about the axis has been looked for.
         inplane_known: (N,) whether it was found.
     """
@@ -37,10 +37,10 @@ class HypothesisPool:
     inplane_known: Mask
 
     @classmethod
-    def of(cls, poses: Array, matches: Indices, seed: Indices, evidence: Evidence) -> HypothesisPool:
+    def of(cls, poses: Array, matches: Indices, seed: Indices, salient: Array) -> HypothesisPool:
         """New hypotheses, not yet turned about their axes."""
         no = np.zeros(len(poses), bool)
-        return cls(poses, matches, seed, evidence.salient, evidence.score, no, no)
+        return cls(poses, matches, seed, salient, salient, no, no)
 
     def __len__(self) -> int:
         """Number of hypotheses."""

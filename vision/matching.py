@@ -44,7 +44,7 @@ class MatchingParameters:
     candidates: int = 60
     minimum_scores: tuple[float, ...] = (0.6, 0.5, 0.42)
     minimum_separation: float = 0.12
-    reach_px: tuple[float, ...] = (5.0, 4.0, 3.0, 2.5, 2.0, 2.0, 1.5, 1.5)
+    reach_px: tuple[float, ...] = (3.0, 2.0, 1.5, 1.5)
     rim_reach_px: tuple[float, ...] = (6.0, 5.0, 4.0, 3.0)
     loose_reach_px: float = 7.0
     depth_shares: tuple[float, ...] = (0.0, -0.02, -0.015, -0.01, -0.005, 0.005, 0.01, 0.015, 0.02)
@@ -150,7 +150,7 @@ class Matcher:
         if self.parameters.joint_edges:
             poses = self._at_best_depth(poses, seed, contour)
             poses = self._aligned_on_rims(poses, contour)
-        return HypothesisPool.of(poses, matches, seed, self.scene.evidence(poses, contour))
+        return HypothesisPool.of(poses, matches, seed, self.scene.evidence(poses, contour.salient()).salient)
 
     def _at_best_depth(self, poses: Array, seed: NDArray[np.intp], contour: ModelContour) -> Array:
         """Poses moved along the line of sight of the view that made them to where all views show the most edges.

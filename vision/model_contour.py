@@ -45,7 +45,7 @@ class ModelContour:
         points: (S, 3) in the part's frame, metres.
         tangents: (S, 3) unit tangents.
         normals: (S, 3) normals of the circles.
-        circle: (S,) number of the circle a sample belongs to.
+        circle: (S,) number of the circle a sample belongs to, ascending.
         circle_salient: (C,) whether the circle is a salient feature.
         circle_symmetric: (C,) whether the circle looks the same under every rotation about z.
         circle_weight: (C,) how much it counts: the edge support that it had when it was taught.
@@ -71,16 +71,16 @@ class ModelContour:
         return self._asymmetric
 
     def salient(self) -> ModelContour:
-        """The salient circles alone; the numbering of the circles stays."""
+        """Every second sample of the salient circles; the numbering of the circles stays."""
         return self._salient
 
     def sparse(self) -> ModelContour:
-        """Every third sample of the salient circles; the numbering of the circles stays."""
+        """Every fourth sample of the salient circles; the numbering of the circles stays."""
         return self._sparse
 
     @cached_property
     def _sparse(self) -> ModelContour:
-        return self._salient._samples(slice(None, None, 3))
+        return self._only(self.circle_salient)._samples(slice(None, None, 4))
 
     @cached_property
     def _asymmetric(self) -> ModelContour:
@@ -88,7 +88,7 @@ class ModelContour:
 
     @cached_property
     def _salient(self) -> ModelContour:
-        return self._only(self.circle_salient)
+        return self._only(self.circle_salient)._samples(slice(None, None, 2))
 
     def _only(self, circles: NDArray[np.bool_]) -> ModelContour:
         return self._samples(circles[self.circle])
@@ -109,14 +109,16 @@ class ModelContour:
         salient, symmetric, weight = [], [], []
         for feature in model.features:
             on_axis = float(np.hypot(*feature.circle.centre[:2])) < 1e-3 * model.diameter_m
-            for circle in feature.circles():
-                circumference_px = 2 * np.pi * circle.radius_m * scale_px_per_m
-                n = int(np.clip(circumference_px / SAMPLE_SPACING_PX, 12, 160))
-                u, v = plane_axes(circle.normal)
-                t = np.linspace(0, 2 * np.pi, n, endpoint=False)[:, None]
-                points = circle.centre + circle.radius_m * (np.cos(t) * u + np.sin(t) * v)
-                tangents = -np.sin(t) * u + np.cos(t) * v
-                parts.append((points, tangents, np.broadcast_to(circle.normal, (n, 3))))
+            first = feature.circle
+            circumference_px = 2 * np.pi * first.radius_m * scale_px_per_m
+            n = int(np.clip(circumference_px / SAMPLE_SPACING_PX, 12, 160))
+            u, v = plane_axes(first.normal)
+            t = np.linspace(0, 2 * np.pi, n, endpoint=False)[:, None]
+            points = first.centre + first.radius_m * (np.cos(t) * u + np.sin(t) * v)
+            tangents = -np.sin(t) * u + np.cos(t) * v
+            for turn in feature.turns():
+                normal = np.broadcast_to(turn @ first.normal, (n, 3))
+                parts.append((points @ turn.T, tangents @ turn.T, normal))
                 salient.append(feature.role == "salient")
                 symmetric.append(on_axis)
                 weight.append(feature.support)
@@ -174,16 +176,18 @@ def passes_rims(x, y, z, rims, eye):  # type: ignore[no-untyped-def]  # pragma: 
     and crosses the rim's plane on the other side has gone through that surface: the floor of a cup hides behind the
     wall, a flange behind the hat.
     """
-    radius = np.sqrt(x * x + y * y)
+    own = x * x + y * y
     for k in range(len(rims)):
-        if np.isnan(rims[k, 0]):
+        square = rims[k, 0] * rims[k, 0]
+        if np.isnan(square):
             break
         share = (rims[k, 1] - z) / (eye[2] - z)
-        crossing = np.sqrt((x + share * (eye[0] - x)) ** 2 + (y + share * (eye[1] - y)) ** 2)
-        if radius < rims[k, 0]:
-            if crossing > (1 + RIM_SLACK) * rims[k, 0]:
+        across, along = x + share * (eye[0] - x), y + share * (eye[1] - y)
+        crossing = across * across + along * along
+        if own < square:
+            if crossing > (1 + RIM_SLACK) ** 2 * square:
                 return False
-        elif crossing < (1 - RIM_SLACK) * rims[k, 0]:
+        elif crossing < (1 - RIM_SLACK) ** 2 * square:
             return False
     return True
 
@@ -224,39 +228,64 @@ def tally_support(  # type: ignore[no-untyped-def]
     for pose in range(len(poses)):
         for view in range(len(claimed)):
             T = cameras[0][view] @ poses[pose]
-            R, t = T[:3, :3], T[:3, 3]
             fx, fy, cx, cy = cameras[1][view]
-            eye = np.empty(3)
-            for j in range(3):
-                eye[j] = -(R[0, j] * t[0] + R[1, j] * t[1] + R[2, j] * t[2])
+            eye = eye_of(T)
+            current, facing_away = -1, False
+            n = np.zeros(3)
             for i in range(len(points)):
-                p, n = points[i], normals[i]
-                x = R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2] + t[0]
-                y = R[1, 0] * p[0] + R[1, 1] * p[1] + R[1, 2] * p[2] + t[1]
-                z = R[2, 0] * p[0] + R[2, 1] * p[1] + R[2, 2] * p[2] + t[2]
-                nx = R[0, 0] * n[0] + R[0, 1] * n[1] + R[0, 2] * n[2]
-                ny = R[1, 0] * n[0] + R[1, 1] * n[1] + R[1, 2] * n[2]
-                nz = R[2, 0] * n[0] + R[2, 1] * n[1] + R[2, 2] * n[2]
-                if z < 1e-3 or -(nx * x + ny * y + nz * z) <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
+                c = circle[i]
+                if c != current:
+                    current = c
+                    n[0], n[1], n[2] = rotated(T, normals[i])
+                    # From behind the plane of a circle none of it is seen.
+                    x, y, z = moved(T, points[i])
+                    facing_away = n[0] * x + n[1] * y + n[2] * z >= 0
+                if facing_away:
+                    continue
+                x, y, z = moved(T, points[i])
+                if z < 1e-3 or -(n[0] * x + n[1] * y + n[2] * z) <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
                     continue
                 u, v = int(np.rint(fx * x / z + cx)), int(np.rint(fy * y / z + cy))
                 if u < 2 or v < 2 or u > width - 3 or v > height - 3:
                     continue
-                if not passes_rims(p[0], p[1], p[2], rims[circle[i]], eye):
+                if not passes_rims(points[i, 0], points[i, 1], points[i, 2], rims[c], eye):
                     continue
-                count[pose, view, circle[i], 1] += 1.0
+                count[pose, view, c, 1] += 1.0
                 if z > cover[view, v, u] + margin:
                     continue
-                count[pose, view, circle[i], 0] += 1.0
+                count[pose, view, c, 0] += 1.0
                 near = (reach_px - distance[view, v, u]) / (reach_px - 1.0)
                 if near <= 0.0 or claimed[view, v, u]:
                     continue
-                q = tangents[i]
-                tx = R[0, 0] * q[0] + R[0, 1] * q[1] + R[0, 2] * q[2]
-                ty = R[1, 0] * q[0] + R[1, 1] * q[1] + R[1, 2] * q[2]
-                tz = R[2, 0] * q[0] + R[2, 1] * q[1] + R[2, 2] * q[2]
+                tx, ty, tz = rotated(T, tangents[i])
                 du, dv = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
                 length = np.sqrt(du * du + dv * dv)
                 aligned = abs(direction[view, v, u, 0] * dv - direction[view, v, u, 1] * du) / max(length, 1e-12)
                 share = (aligned - loosest) / (tightest - loosest)
-                total[pose, view, circle[i]] += min(near, 1.0) * min(max(share, 0.0), 1.0)
+                total[pose, view, c] += min(near, 1.0) * min(max(share, 0.0), 1.0)
+
+
+@njit(cache=True, inline="always")
+def moved(T, p):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """The point T p."""
+    x, y, z = rotated(T, p)
+    return x + T[0, 3], y + T[1, 3], z + T[2, 3]
+
+
+@njit(cache=True, inline="always")
+def rotated(T, p):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """The direction T p."""
+    return (
+        T[0, 0] * p[0] + T[0, 1] * p[1] + T[0, 2] * p[2],
+        T[1, 0] * p[0] + T[1, 1] * p[1] + T[1, 2] * p[2],
+        T[2, 0] * p[0] + T[2, 1] * p[1] + T[2, 2] * p[2],
+    )
+
+
+@njit(cache=True)
+def eye_of(T_camera_part):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """The camera's centre (3,) in the part's frame."""
+    T, out = T_camera_part, np.empty(3)
+    for j in range(3):
+        out[j] = -(T[0, j] * T[0, 3] + T[1, j] * T[1, 3] + T[2, j] * T[2, 3])
+    return out

@@ -37,19 +37,19 @@ def cover(depth: NDArray[np.float32], T_world_part: Array, view: View, model: Vi
     x1, y1 = min(x + width, depth.shape[1]), min(y + height, depth.shape[0])
     if x1 <= x0 or y1 <= y0:
         return
-    body = np.full((y1 - y0, x1 - x0), np.inf)
+    body = np.full((y1 - y0, x1 - x0), np.inf, np.float32)
     body[_filled(hull, (x0, y0), body.shape)] = np.mean([rim[:, 2].mean() for rim in rims])
-    columns, rows = np.meshgrid(np.arange(x0, x1), np.arange(y0, y1))
+    columns, rows = np.arange(x0, x1, dtype=np.float32), np.arange(y0, y1, dtype=np.float32)[:, None]
     rays = ((columns - view.camera.cx) / view.camera.fx, (rows - view.camera.cy) / view.camera.fy)
     normal = T[:3, 2]
     for rim, outline in zip(rims, outlines, strict=True):
         inside = _filled(outline, (x0, y0), body.shape)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            plane = (normal @ rim.mean(axis=0)) / (normal[0] * rays[0] + normal[1] * rays[1] + normal[2])
-        body[inside] = np.minimum(body[inside], np.where(plane[inside] > 0, plane[inside], np.inf))
+        with np.errstate(divide="ignore"):
+            plane = (normal @ rim.mean(axis=0)) / (normal[0] * rays[0] + (normal[1] * rays[1] + normal[2]))
+        np.minimum(body, plane, out=body, where=inside & (plane > 0), casting="same_kind")
     body[_seen_through(model, T, view, (x0, y0), body.shape)] = np.inf
     window = depth[y0:y1, x0:x1]
-    np.minimum(window, body, out=window, casting="same_kind")
+    np.minimum(window, body, out=window)
 
 
 def _seen_through(
