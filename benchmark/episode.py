@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform
 from benchmark.config import EpisodeConfig
 from benchmark.environment import environment_stamp
 from benchmark.evaluation import TruePiece, Verdict, judge
-from benchmark.localizers import load_model, make_localizer
+from benchmark.localizers import load_model, make_localizer, with_answers_alone
 from benchmark.picking import Picker, PickOutcome
 from benchmark.records import EpisodeRecord, PickRecord
 from benchmark.world import gl
@@ -106,6 +106,7 @@ def run_episode(config: EpisodeConfig, observer: EpisodeObserver | None = None) 
         )
         with watch.stage("vision"):
             localization = localizer.localize(sight.views, workspace(cell.config))
+        localization = with_answers_alone(localizer, localization, sight.views, workspace(cell.config))
         verdict = judge(localization, localizer.name, pieces, sight.true_views)
         observer.localized(localization, verdict)
         picks: tuple[PickRecord, ...] = ()

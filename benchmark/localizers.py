@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -63,6 +63,15 @@ def make_localizer(name: str, models: Sequence[VisionModel], truth: Truth) -> Lo
             expected="an object with a name and localize(views, workspace)",
         )
     return localizer
+
+
+def with_answers_alone(
+    localizer: Localizer, localization: Localization, views: Sequence[View], workspace: Workspace
+) -> Localization:
+    """The localization with what each extractor would have said alone, for localizers that have several."""
+    if not isinstance(localizer, EllipseLocalizer):
+        return localization
+    return replace(localization, by_process=localizer.alone(views, localization, workspace))
 
 
 def _factory(name: str) -> Callable[[Sequence[VisionModel]], object]:

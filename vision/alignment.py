@@ -37,7 +37,7 @@ def align_on_ellipses(poses, matches, cameras, circles, table, iterations):  # t
         (N,) False where too few points were left; such a pose is not to be used.
     """
     T_camera_world, intrinsics = cameras
-    height, side, radius = circles
+    height, _side, radius = circles
     first, first_point, points = table
     good = np.ones(len(poses), np.bool_)
     rows, residuals = np.empty((1024, 6)), np.empty(1024)

@@ -24,6 +24,7 @@ from vision.voting import votes_of
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+
 @dataclass(frozen=True)
 class Workspace:
     """The box in which parts can be, in the world frame, metres: known from the cell, like the pose of the bin."""

@@ -40,8 +40,10 @@ class EllipseTable:
         return self.first, self.first_point, self.points
 
     @classmethod
-    def of(cls, features: Sequence[Sequence[EllipseFeature]], points_per_ellipse: int = POINTS_PER_ELLIPSE) -> EllipseTable:
-        """Tabulate the features of every view, with at most about ``points_per_ellipse`` evenly chosen edge points."""
+    def of(
+        cls, features: Sequence[Sequence[EllipseFeature]], points_per_ellipse: int = POINTS_PER_ELLIPSE
+    ) -> EllipseTable:
+        """Tabulate the features of every view, with about ``points_per_ellipse`` evenly chosen edge points each."""
         flat = [f for found in features for f in found]
         points = [f.points[:: max(len(f.points) // points_per_ellipse, 1)] for f in flat]
         return cls(

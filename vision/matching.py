@@ -220,9 +220,7 @@ class Matcher:
         near = np.flatnonzero(pool.near(origin, 1.2 * diameter))
         return pool.weighed(near, self.scene.evidence(pool.poses[near], contour)) if len(near) else pool
 
-    def _finish(
-        self, hypothesis: HypothesisPool, features: Features, contour: ModelContour
-    ) -> PoseEstimate | None:
+    def _finish(self, hypothesis: HypothesisPool, features: Features, contour: ModelContour) -> PoseEstimate | None:
         """The final refinement of an accepted hypothesis."""
         known = bool(hypothesis.inplane_known[0])
         T = hypothesis.poses[0]

@@ -154,9 +154,7 @@ def _rims_before(circles: Sequence[Circle], model: VisionModel) -> Array:
     """For each circle the salient ones of the same side that lie nearer to the viewer, (C, B, 2)."""
     rims = [f.circle for f in model.salient]
     slack = 0.01 * model.diameter_m
-    before = [
-        [(rim.radius_m, rim.centre[2]) for rim in rims if _is_before(rim, circle, slack)] for circle in circles
-    ]
+    before = [[(rim.radius_m, rim.centre[2]) for rim in rims if _is_before(rim, circle, slack)] for circle in circles]
     out = np.full((len(circles), max(map(len, before), default=0), 2), np.nan)
     for row, found in zip(out, before, strict=True):
         row[: len(found)] = np.reshape(found, (-1, 2))

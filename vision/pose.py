@@ -228,7 +228,7 @@ def _systematic(J: Array, weights: Array, seen: Observations, axis: Array) -> Ar
     turn = J[:, 3:] @ axis * seen.sigma_px
     tells = np.abs(turn) > 1e-3 * np.abs(turn).max()
     turn /= max(float(np.sqrt(np.mean(turn[tells] ** 2))), 1e-9) if tells.any() else 1.0
-    # How far a point's image moves along its normal when its circle is lifted along the axis by one pixel's footprint.
+    # How far the images of a circle's points move when it is lifted along the axis by one pixel's footprint.
     footprint = 1 / max(float(np.linalg.norm(J[:, :3] * seen.sigma_px[:, None], axis=1).max()), 1e-9)
     lift = J[:, :3] @ axis * seen.sigma_px * footprint
     for circle in np.unique(seen.circle):
