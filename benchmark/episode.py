@@ -16,7 +16,7 @@ from scipy.spatial.transform import RigidTransform
 from benchmark.config import EpisodeConfig
 from benchmark.environment import environment_stamp
 from benchmark.evaluation import TruePiece, Verdict, judge
-from benchmark.localizers import Truth, load_model, make_localizer
+from benchmark.localizers import Truth, load_model, make_localizer, with_answers_alone
 from benchmark.picking import Picker, PickOutcome
 from benchmark.records import EpisodeRecord, PickRecord
 from benchmark.variant_models import Untaught, taught_models
@@ -108,6 +108,7 @@ def run_episode(
         localizer = _localizer(config, study, lambda: [(p.part, p.T_world_part) for p in pieces])
         with watch.stage("vision"):
             localization = localizer.localize(sight.views, workspace(cell.config))
+        localization = with_answers_alone(localizer, localization, sight.views, workspace(cell.config))
         verdict = judge(localization, localizer.name, pieces, sight.true_views, config.models)
         observer.localized(localization, verdict)
         picks: tuple[PickRecord, ...] = ()

@@ -74,6 +74,15 @@ def make_localizer(name: str, models: Sequence[VisionModel], truth: Truth) -> Lo
     return localizer
 
 
+def with_answers_alone(
+    localizer: Localizer, localization: Localization, views: Sequence[View], workspace: Workspace
+) -> Localization:
+    """The localization with what each extractor would have said alone, for localizers that have several."""
+    if not isinstance(localizer, EllipseLocalizer):
+        return localization
+    return replace(localization, by_process=localizer.alone(views, localization, workspace))
+
+
 def _factory(name: str) -> Callable[[Sequence[VisionModel]], object]:
     factory = _imported(name) if ":" in name else _registered(name)
     if not callable(factory):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -149,3 +150,10 @@ class View:
         image = cv2.undistort(np.asarray(self.image), self.camera.matrix, np.array(self.camera.distortion))
         camera = replace(self.camera, distortion=(0.0, 0.0, 0.0, 0.0, 0.0))
         return View(np.asarray(image, dtype=np.uint8), camera, self.T_world_camera, self.name)
+
+
+def camera_arrays(views: Sequence[View]) -> tuple[Array, Array]:
+    """T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4) of views."""
+    T = np.stack([np.linalg.inv(v.T_world_camera.as_matrix()) for v in views])
+    intrinsics = np.array([(v.camera.fx, v.camera.fy, v.camera.cx, v.camera.cy) for v in views], dtype=np.float64)
+    return T, intrinsics

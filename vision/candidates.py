@@ -14,18 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.camera import View
-from vision.circle_pose import circle_candidates, circle_conics, conic_ellipses, plane_axes
+from vision.camera import View, camera_arrays
+from vision.circle_pose import circle_candidates, plane_axes
+from vision.ellipse_table import EllipseTable
 from vision.features import EllipseFeature
 from vision.vision_model import VisionModel
+from vision.voting import votes_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-CENTRE_TOLERANCE = (2.5, 0.03)  # pixels, and share of the semi-major axis
-MAJOR_TOLERANCE = (1.5, 0.03)
-MINOR_TOLERANCE = (2.0, 0.10)  # the tilt of a circle seen face on is ill determined
-FACING_COSINE = 0.12
 
 
 @dataclass(frozen=True)
@@ -69,13 +66,9 @@ class Candidates:
             self.origin[index], self.axis[index], self.votes[index], self.matches[index], self.seed[index]
         )
 
-    def pose(self, i: int) -> Array:
-        """4x4 T_world_part of candidate i, with an arbitrary rotation about the axis."""
-        T = np.eye(4)
-        u, v = plane_axes(self.axis[i])
-        T[:3, :3] = np.column_stack([u, v, self.axis[i]])
-        T[:3, 3] = self.origin[i]
-        return T
+    def poses(self) -> Array:
+        """T_world_part (N, 4, 4), with an arbitrary rotation about the axis."""
+        return poses_of(self.origin, self.axis)
 
     def distinct(self, diameter_m: float, limit: int = 600) -> Candidates:
         """The best of each bunch of near-identical candidates, among the first ``limit``, best first."""
@@ -100,6 +93,11 @@ class SalientCircles:
     side: Array
     radius: Array
 
+    @property
+    def arrays(self) -> tuple[Array, Array, Array]:
+        """Height, side and radius, for the compiled loops."""
+        return self.height, self.side, self.radius
+
     @classmethod
     def of(cls, model: VisionModel) -> SalientCircles:
         """Of a model; salient features are coaxial circles."""
@@ -123,8 +121,17 @@ def find_candidates(
     if workspace is not None:
         keep = workspace.contains(origin, margin_m=0.25 * model.diameter_m)
         origin, axis, seed = origin[keep], axis[keep], seed[keep]
-    votes, matches = vote(origin, axis, views, features, salient)
+    table = EllipseTable.of(features)
+    votes, matches = votes_of(poses_of(origin, axis), camera_arrays(views), salient.arrays, table)
     return Candidates(origin, axis, votes, matches, seed).take(np.argsort(-votes, kind="stable"))
+
+
+def poses_of(origin: Array, axis: Array) -> Array:
+    """T_world_part (N, 4, 4) of origins and z axes (N, 3), with an arbitrary rotation about the axis."""
+    T = np.zeros((len(origin), 4, 4))
+    u, v = plane_axes(axis)
+    T[:, :3, 0], T[:, :3, 1], T[:, :3, 2], T[:, :3, 3], T[:, 3, 3] = u, v, axis, origin, 1.0
+    return T
 
 
 def _readings(
@@ -147,65 +154,3 @@ def _readings(
             axes.append(axis.reshape(-1, 3))
             seeds.append(np.column_stack([np.full_like(m, v), m, np.full_like(m, k)]))
     return np.vstack(origins), np.vstack(axes), np.vstack(seeds)
-
-
-def predict_salient(origin: Array, axis: Array, view: View, salient: SalientCircles) -> Array:
-    """Ellipses (N, K, 5) that the salient circles of N candidates make in a view; NaN where turned away."""
-    T = np.linalg.inv(view.T_world_camera.as_matrix())
-    axis_camera = axis @ T[:3, :3].T
-    origin_camera = origin @ T[:3, :3].T + T[:3, 3]
-    centres = origin_camera[:, None] + salient.height[:, None] * axis_camera[:, None]
-    normals = salient.side[:, None] * axis_camera[:, None]
-    radii = np.broadcast_to(salient.radius, centres.shape[:2])
-    facing = -np.einsum("nki,nki->nk", normals, centres) / np.linalg.norm(centres, axis=-1)
-    visible = (facing > FACING_COSINE) & (centres[..., 2] > radii)
-    ellipses = np.full((*visible.shape, 5), np.nan)
-    conics = circle_conics(centres[visible], normals[visible], radii[visible], view.camera.matrix)
-    ellipses[visible] = conic_ellipses(conics)
-    return ellipses
-
-
-def vote(
-    origin: Array,
-    axis: Array,
-    views: Sequence[View],
-    features: Sequence[Sequence[EllipseFeature]],
-    salient: SalientCircles,
-) -> tuple[Array, Indices]:
-    """Votes (N,) and matches (N, V, K) of candidates.
-
-    A match counts with the support of its ellipse, discounted by how far it is from the prediction in units of the
-    tolerances, and with the square root of the circle's size: large circles are rarer by chance.
-    """
-    n, k = len(origin), len(salient.radius)
-    votes = np.zeros(n)
-    matches = np.full((n, len(views), k), -1, np.intp)
-    size_weight = np.sqrt(salient.radius / salient.radius.max())
-    for v, (view, found) in enumerate(zip(views, features, strict=True)):
-        if not found or n == 0:
-            continue
-        predicted = predict_salient(origin, axis, view, salient)
-        seen = np.stack([f.ellipse.geometric for f in found])
-        support = np.array([f.support for f in found])
-        cost = _discrepancy(predicted, seen)
-        gain = np.where(cost < 1, support * (1 - 0.5 * cost), 0.0)
-        best = gain.argmax(axis=2)
-        value = np.take_along_axis(gain, best[..., None], axis=2)[..., 0]
-        matches[:, v] = np.where(value > 0, best, -1)
-        votes += value @ size_weight
-    return votes, matches
-
-
-def _discrepancy(predicted: Array, seen: Array) -> Array:
-    """(N, K, M) largest deviation between predicted (N, K, 5) and seen (M, 5) ellipses in units of tolerance."""
-    p, s = predicted[:, :, None], seen[None, None]
-    scale = p[..., 2]
-
-    def units(deviation: Array, tolerance: tuple[float, float]) -> Array:
-        return np.asarray(deviation / (tolerance[0] + tolerance[1] * scale))
-
-    centre = units(np.hypot(p[..., 0] - s[..., 0], p[..., 1] - s[..., 1]), CENTRE_TOLERANCE)
-    major = units(np.abs(p[..., 2] - s[..., 2]), MAJOR_TOLERANCE)
-    minor = units(np.abs(p[..., 3] - s[..., 3]), MINOR_TOLERANCE)
-    cost = np.maximum(np.maximum(centre, major), minor)
-    return np.where(np.isfinite(cost), cost, np.inf)

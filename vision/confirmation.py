@@ -9,14 +9,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from vision.camera import View
+from vision.alignment import align_on_edges
+from vision.camera import View, camera_arrays
 from vision.evidence import EdgeField
 from vision.model_contour import ModelContour, tally_support
+from vision.occlusion import cover
 from vision.pose import Observations
+from vision.vision_model import VisionModel
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -24,23 +27,25 @@ Mask = NDArray[np.bool_]
 REACH_PX = 3.0
 INPLANE_STEP_PX = 1.5
 CLAIM_SUPPORT = 0.3
+CHANCE_SUPPORT = 0.2  # what random edges give
+LEAST_SHOWN = 0.4
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """The edge support of a posed model.
+    """The edge support of posed models.
 
     Attributes:
-        score: weighted mean support over all visible circles, 0 to 1.
-        salient: the same over the salient circles only.
-        supporting: the same over the supporting circles only; NaN where none is visible.
-        views: number of views whose support is at least half of the best view's.
+        score: (N,) weighted mean support over all visible circles, 0 to 1.
+        salient: (N,) the same over the salient circles only.
+        supporting: (N,) the same over the supporting circles only; NaN where none is visible.
+        views: (N,) number of views whose support is at least half of the best view's.
     """
 
-    score: float
-    salient: float
-    supporting: float
-    views: int
+    score: Array
+    salient: Array
+    supporting: Array
+    views: NDArray[np.intp]
 
 
 class SceneEdges:
@@ -54,37 +59,56 @@ class SceneEdges:
             fields: their edge fields.
         """
         self.views, self.fields = views, fields
-        self._claimed: list[Mask] = [np.zeros(f.distance.shape, bool) for f in fields]
-        self._T_camera_world = [np.linalg.inv(v.T_world_camera.as_matrix()) for v in views]
+        self.cameras = camera_arrays(views)
+        self._distance = _stacked([f.distance for f in fields], np.inf)
+        self._direction = _stacked([f.direction for f in fields], 0.0)
+        self._nearest = _stacked([f.nearest for f in fields], -1.0)
+        self._claimed: Mask = np.zeros(self._distance.shape, bool)
+        self._cover = np.full(self._distance.shape, np.inf, np.float32)
 
-    def evidence(self, T_world_part: Array, contour: ModelContour, reach_px: float = REACH_PX) -> Evidence:
-        """Support of a pose by edges within ``reach_px`` that no other part has claimed."""
-        per_view = [self._support(v, T_world_part, contour, reach_px) for v in range(len(self.views))]
-        total, count = (np.stack([tally[k] for tally in per_view]) for k in (0, 1))
+    def forget_claims(self) -> None:
+        """Set all edges free."""
+        self._claimed[:] = False
+        self._cover[:] = np.inf
+
+    def evidence(self, poses: Array, contour: ModelContour, reach_px: float = REACH_PX) -> Evidence:
+        """Support of poses (N, 4, 4) by edges within ``reach_px`` that no other part has claimed."""
+        total, count = self._tally(poses, contour, reach_px)
+        seen, facing = count[..., 0], count[..., 1]
         # A small hole says as much per pixel as a rim, but a rim is longer: square roots balance the two.
-        weight = contour.circle_weight * np.sqrt(count.sum(axis=0))
-        mean = total.sum(axis=0) / np.maximum(count.sum(axis=0), 1)
-        visible = count.sum(axis=0) > 0
-        salient = visible & contour.circle_salient
-        supporting = visible & ~contour.circle_salient
-        of_view = total.sum(axis=1) / np.maximum(count.sum(axis=1), 1)
+        weight = contour.circle_weight * np.sqrt(seen.sum(axis=1))
+        mean = total.sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
+        # What little a part shows must speak for more than itself.
+        shown = seen.sum(axis=(1, 2)) / np.maximum(facing.sum(axis=(1, 2)), 1)
+        trust = np.minimum(shown / LEAST_SHOWN, 1.0)
+        of_view = total.sum(axis=2) / np.maximum(seen.sum(axis=2), 1)
         return Evidence(
-            _mean(mean[visible], weight[visible], 0.0),
-            _mean(mean[salient], weight[salient], 0.0),
-            _mean(mean[supporting], weight[supporting], np.nan),
-            int(np.count_nonzero(of_view > 0.5 * max(of_view.max(), 0.1))),
+            trust * _weighted_mean(mean, weight, 0.0),
+            trust * _weighted_mean(mean, weight * contour.circle_salient, 0.0),
+            trust * _weighted_mean(mean, weight * ~contour.circle_salient, np.nan),
+            np.count_nonzero(of_view > 0.5 * np.maximum(of_view.max(axis=1, keepdims=True), 0.1), axis=1),
         )
+
+    def align(self, poses: Array, contour: ModelContour, reaches_px: Sequence[float], *, inplane: bool) -> Mask:
+        """Let the nearest unclaimed edges of all views correct poses (N, 4, 4), in place.
+
+        A pose that is uncertain in depth after one view's ellipse becomes certain by the others.
+
+        Returns:
+            (N,) False where too few edges were in reach.
+        """
+        samples = (contour.points, contour.tangents, contour.normals, contour.circle, contour.rims)
+        edges = (self._direction, self._nearest, self._claimed, self._cover)
+        return align_on_edges(poses, self.cameras, samples, edges, np.array(reaches_px), inplane)
 
     def inplane_support(self, T_world_part: Array, contour: ModelContour, angles: Array) -> Array:
         """Mean support (A,) of the circles that tell the rotation about z, at each of the angles (A,)."""
         part = contour.asymmetric()
-        out = np.zeros(len(angles))
-        for a, angle in enumerate(angles):
-            T = turned(T_world_part, angle)
-            tallies = [self._support(v, T, part) for v in range(len(self.views))]
-            total, count = (sum(tally[k] for tally in tallies) for k in (0, 1))
-            out[a] = part.circle_weight @ total / max(float(part.circle_weight @ count), 1.0)
-        return out
+        total, count = self._tally(turned(T_world_part, angles), part, REACH_PX)
+        seen = count[..., 0].sum(axis=1) @ part.circle_weight
+        # Chance support is taken off: turning holes out of sight must not look better than seeing them.
+        gain = total.sum(axis=1) @ part.circle_weight - CHANCE_SUPPORT * seen
+        return gain / max(float(seen.mean()), 1.0)
 
     def find_inplane(self, T_world_part: Array, contour: ModelContour, fold: int) -> tuple[Array, bool]:
         """Turn a pose about its axis to where the supporting features have edges.
@@ -110,7 +134,7 @@ class SceneEdges:
         angle = fine[int(fine_support.argmax())]
         spread = float(np.median(np.abs(support - np.median(support)))) * 1.4826
         stands_out = bool(fine_support.max() - np.median(support) > max(4 * spread, 0.08))
-        return turned(T_world_part, angle), stands_out
+        return turned(T_world_part, np.array([angle]))[0], stands_out
 
     def observe(
         self, T_world_part: Array, contour: ModelContour, reach_px: float, sigma_px: float = 0.3
@@ -130,32 +154,25 @@ class SceneEdges:
         view_index, points, pixels, normals, circle = (np.concatenate([b[k] for b in blocks]) for k in range(5))
         return Observations(view_index, points, pixels, normals, np.full(len(view_index), sigma_px), circle)
 
-    def claim(self, T_world_part: Array, contour: ModelContour, width_px: int = 2) -> None:
-        """Mark the edges that a part explains as its own."""
+    def claim(self, T_world_part: Array, contour: ModelContour, model: VisionModel, width_px: int = 2) -> None:
+        """Mark the edges that a part explains as its own, and what it hides as hidden."""
         for v, view in enumerate(self.views):
+            cover(self._cover[v], T_world_part, view, model)
             projection = contour.project(T_world_part, view)
             support = self.fields[v].support(projection.pixels, projection.normals, REACH_PX)
             support[self._is_claimed(v, projection.pixels)] = 0
-            height, width = self.fields[v].distance.shape
-            for x, y in np.round(projection.pixels[support > CLAIM_SUPPORT]).astype(int):
-                rows = slice(max(y - width_px, 0), min(y + width_px + 1, height))
-                self._claimed[v][rows, max(x - width_px, 0) : min(x + width_px + 1, width)] = True
+            mine = np.zeros(self._claimed[v].shape, np.uint8)
+            x, y = np.round(projection.pixels[support > CLAIM_SUPPORT]).astype(np.intp).T
+            mine[y, x] = 1
+            self._claimed[v] |= cv2.dilate(mine, np.ones((2 * width_px + 1,) * 2, np.uint8)) > 0
 
-    def _support(
-        self, v: int, T_world_part: Array, contour: ModelContour, reach_px: float = REACH_PX
-    ) -> tuple[Array, Array]:
-        """Sum of the support and number of the samples, (C,) each, of the circles that face the camera of view v."""
-        field, camera = self.fields[v], self.views[v].camera
-        total, count = np.zeros(len(contour.circle_weight)), np.zeros(len(contour.circle_weight))
-        tally_support(
-            np.ascontiguousarray(self._T_camera_world[v] @ T_world_part),
-            (camera.fx, camera.fy, camera.cx, camera.cy),
-            (contour.points, contour.tangents, contour.normals, contour.circle),
-            (field.distance, field.direction, self._claimed[v]),
-            reach_px,
-            total,
-            count,
-        )
+    def _tally(self, poses: Array, contour: ModelContour, reach_px: float) -> tuple[Array, Array]:
+        """Sum of the support (N, V, C), and number of the samples (N, V, C, 2) in sight, and of all that face it."""
+        shape = (len(poses), len(self.views), len(contour.circle_weight))
+        total, count = np.zeros(shape), np.zeros((*shape, 2))
+        samples = (contour.points, contour.tangents, contour.normals, contour.circle, contour.rims)
+        edges = (self._distance, self._direction, self._claimed, self._cover)
+        tally_support(np.ascontiguousarray(poses), self.cameras, samples, edges, reach_px, total, count)
         return total, count
 
     def _is_claimed(self, v: int, pixels: Array) -> Mask:
@@ -166,12 +183,25 @@ class SceneEdges:
         return np.asarray(claimed[rows, columns])
 
 
-def turned(T_world_part: Array, angle: float) -> Array:
-    """The pose (4x4) after a rotation of the part about its own z axis."""
-    out = T_world_part.copy()
-    out[:3, :3] = T_world_part[:3, :3] @ Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()
+def turned(T_world_part: Array, angles: Array) -> Array:
+    """The pose (4, 4) after rotations of the part about its own z axis by each of the angles (A,): (A, 4, 4)."""
+    out = np.repeat(T_world_part[None], len(angles), axis=0)
+    cosine, sine = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    x, y = T_world_part[:3, 0], T_world_part[:3, 1]
+    out[:, :3, 0] = cosine * x + sine * y
+    out[:, :3, 1] = cosine * y - sine * x
     return out
 
 
-def _mean(values: Array, weights: Array, empty: float) -> float:
-    return float(values @ weights / weights.sum()) if len(values) and weights.sum() > 0 else empty
+def _stacked(images: Sequence[NDArray[np.float32]], beyond: float) -> NDArray[np.float32]:
+    """Images of all views in one array, the smaller ones filled up."""
+    rows, columns = (max(image.shape[axis] for image in images) for axis in (0, 1))
+    out = np.full((len(images), rows, columns, *images[0].shape[2:]), beyond, np.float32)
+    for target, image in zip(out, images, strict=True):
+        target[: image.shape[0], : image.shape[1]] = image
+    return out
+
+
+def _weighted_mean(values: Array, weights: Array, empty: float) -> Array:
+    total = weights.sum(axis=1)
+    return np.where(total > 0, (values * weights).sum(axis=1) / np.where(total > 0, total, 1.0), empty)

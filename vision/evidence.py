@@ -23,11 +23,13 @@ class EdgeField:
         smooth: (H, W) float32, the smoothed grey image.
         distance: (H, W) float32, pixels to the nearest edge pixel.
         direction: (H, W, 2) float32, unit gradient (x, y) at that edge pixel.
+        nearest: (H, W, 2) float32, that edge pixel's x and y; -1 in an image without edges.
     """
 
     smooth: Image
     distance: Image
     direction: Image
+    nearest: Image
 
     @classmethod
     def from_gray(cls, gray: NDArray[np.uint8]) -> EdgeField:
@@ -37,7 +39,8 @@ class EdgeField:
         edges = cv2.Canny(gx.astype(np.int16), gy.astype(np.int16), CANNY_LOW, CANNY_HIGH, L2gradient=True)
         if not edges.any():
             shape = gray.shape
-            return cls(smooth, np.full(shape, np.inf, np.float32), np.zeros((*shape, 2), np.float32))
+            nothing = np.zeros((*shape, 2), np.float32)
+            return cls(smooth, np.full(shape, np.inf, np.float32), nothing, nothing - 1)
         distance, labels = cv2.distanceTransformWithLabels(
             (edges == 0).astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
         )
@@ -45,7 +48,9 @@ class EdgeField:
         of_label = np.zeros((labels.max() + 1, 2), np.float32)
         gradient = np.stack([gx[rows, columns], gy[rows, columns]], axis=1)
         of_label[labels[rows, columns]] = gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-6)
-        return cls(smooth, distance.astype(np.float32), of_label[labels])
+        place = np.full((labels.max() + 1, 2), -1, np.float32)
+        place[labels[rows, columns]] = np.stack([columns, rows], axis=1)
+        return cls(smooth, distance.astype(np.float32), of_label[labels], place[labels])
 
     def support(self, points: Array, normals: Array, reach_px: float = 3.0) -> Array:
         """How well an edge runs through each point, 0 to 1.

@@ -100,16 +100,29 @@ class EllipseLocalizer:
             return Localization(())
         flat = [v.undistorted() for v in views]
         features = [self.extract(v, workspace) for v in flat]
-        fields = [EdgeField.from_gray(v.gray) for v in flat]
-        by_process: dict[str, tuple[PoseEstimate, ...]] = {}
+        estimates = self._match(flat, features, workspace, joint_edges=len(self.processes) > 1)
+        return Localization(estimates, tuple(tuple(f) for f in features))
+
+    def alone(
+        self, views: Sequence[View], localization: Localization, workspace: Workspace | None = None
+    ) -> dict[str, tuple[PoseEstimate, ...]]:
+        """What each extractor would have said without the other, from the ellipses of a localization.
+
+        One extractor's poses are refined on its own ellipses, as in the predecessor system [18].
+
+        Args:
+            views: those of the localization.
+            localization: this localizer's answer.
+            workspace: that of the localization.
+        """
+        if len(self.processes) == 1 or not views:
+            return dict.fromkeys(self.processes, localization.estimates)
+        flat = [v.undistorted() for v in views]
+        answers: dict[str, tuple[PoseEstimate, ...]] = {}
         for process in self.processes:
-            mine = [[f for f in found if f.process == process] for found in features]
-            by_process[process] = self._match(flat, fields, mine, workspace, joint_edges=False)
-        if len(self.processes) > 1:
-            estimates = self._match(flat, fields, features, workspace, joint_edges=True)
-        else:
-            estimates = by_process[self.processes[0]]
-        return Localization(estimates, tuple(tuple(f) for f in features), by_process)
+            mine = [[f for f in found if f.process == process] for found in localization.features]
+            answers[process] = self._match(flat, mine, workspace, joint_edges=False)
+        return answers
 
     def extract(self, view: View, workspace: Workspace | None = None) -> list[EllipseFeature]:
         """The ellipses that the extractors find in one view with a distortion-free lens."""
@@ -130,13 +143,13 @@ class EllipseLocalizer:
     def _match(
         self,
         views: Sequence[View],
-        fields: Sequence[EdgeField],
         features: Sequence[Sequence[EllipseFeature]],
         workspace: Workspace | None,
         *,
         joint_edges: bool,
     ) -> tuple[PoseEstimate, ...]:
         parameters = replace(self.parameters, joint_edges=joint_edges)
+        fields = [EdgeField.from_gray(v.gray) for v in views]
         found = [
             estimate
             for model in self.models

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,12 +11,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.camera import View
-from vision.circle_pose import plane_axes
+from vision.circle_pose import Circle, plane_axes
 from vision.vision_model import VisionModel
 
 Array = NDArray[np.float64]
 
 SAMPLE_SPACING_PX = 3.0
+RIM_SLACK = 0.03  # taught radii are not exact, rims are rounded
+COVER_MARGIN = 0.1  # of the part's radius, behind the surface of another part
 GRAZING_COSINE = 0.12  # a circle seen at more than 83 degrees from its normal is not expected to show an edge
 
 
@@ -42,10 +45,11 @@ class ModelContour:
         points: (S, 3) in the part's frame, metres.
         tangents: (S, 3) unit tangents.
         normals: (S, 3) normals of the circles.
-        circle: (S,) number of the circle a sample belongs to.
+        circle: (S,) number of the circle a sample belongs to, ascending.
         circle_salient: (C,) whether the circle is a salient feature.
         circle_symmetric: (C,) whether the circle looks the same under every rotation about z.
         circle_weight: (C,) how much it counts: the edge support that it had when it was taught.
+        rims: (C, B, 2) radius and height of the salient circles through or past which a circle is seen; NaN fills up.
     """
 
     points: Array
@@ -55,6 +59,7 @@ class ModelContour:
     circle_salient: NDArray[np.bool_]
     circle_symmetric: NDArray[np.bool_]
     circle_weight: Array
+    rims: Array
 
     @cached_property
     def reach_m(self) -> float:
@@ -66,8 +71,16 @@ class ModelContour:
         return self._asymmetric
 
     def salient(self) -> ModelContour:
-        """The salient circles alone; the numbering of the circles stays."""
+        """Every second sample of the salient circles; the numbering of the circles stays."""
         return self._salient
+
+    def sparse(self) -> ModelContour:
+        """Every fourth sample of the salient circles; the numbering of the circles stays."""
+        return self._sparse
+
+    @cached_property
+    def _sparse(self) -> ModelContour:
+        return self._only(self.circle_salient)._samples(slice(None, None, 4))
 
     @cached_property
     def _asymmetric(self) -> ModelContour:
@@ -75,16 +88,18 @@ class ModelContour:
 
     @cached_property
     def _salient(self) -> ModelContour:
-        return self._only(self.circle_salient)
+        return self._only(self.circle_salient)._samples(slice(None, None, 2))
 
     def _only(self, circles: NDArray[np.bool_]) -> ModelContour:
-        chosen = circles[self.circle]
+        return self._samples(circles[self.circle])
+
+    def _samples(self, chosen: NDArray[np.bool_] | slice) -> ModelContour:
         return replace(
             self,
-            points=self.points[chosen],
-            tangents=self.tangents[chosen],
-            normals=self.normals[chosen],
-            circle=self.circle[chosen],
+            points=np.ascontiguousarray(self.points[chosen]),
+            tangents=np.ascontiguousarray(self.tangents[chosen]),
+            normals=np.ascontiguousarray(self.normals[chosen]),
+            circle=np.ascontiguousarray(self.circle[chosen]),
         )
 
     @classmethod
@@ -94,20 +109,23 @@ class ModelContour:
         salient, symmetric, weight = [], [], []
         for feature in model.features:
             on_axis = float(np.hypot(*feature.circle.centre[:2])) < 1e-3 * model.diameter_m
-            for circle in feature.circles():
-                circumference_px = 2 * np.pi * circle.radius_m * scale_px_per_m
-                n = int(np.clip(circumference_px / SAMPLE_SPACING_PX, 12, 160))
-                u, v = plane_axes(circle.normal)
-                t = np.linspace(0, 2 * np.pi, n, endpoint=False)[:, None]
-                points = circle.centre + circle.radius_m * (np.cos(t) * u + np.sin(t) * v)
-                tangents = -np.sin(t) * u + np.cos(t) * v
-                parts.append((points, tangents, np.broadcast_to(circle.normal, (n, 3))))
+            first = feature.circle
+            circumference_px = 2 * np.pi * first.radius_m * scale_px_per_m
+            n = int(np.clip(circumference_px / SAMPLE_SPACING_PX, 12, 160))
+            u, v = plane_axes(first.normal)
+            t = np.linspace(0, 2 * np.pi, n, endpoint=False)[:, None]
+            points = first.centre + first.radius_m * (np.cos(t) * u + np.sin(t) * v)
+            tangents = -np.sin(t) * u + np.cos(t) * v
+            for turn in feature.turns():
+                normal = np.broadcast_to(turn @ first.normal, (n, 3))
+                parts.append((points @ turn.T, tangents @ turn.T, normal))
                 salient.append(feature.role == "salient")
                 symmetric.append(on_axis)
                 weight.append(feature.support)
         points, tangents, normals = (np.vstack([p[k] for p in parts]) for k in range(3))
         number = np.repeat(np.arange(len(parts)), [len(p[0]) for p in parts])
-        return cls(points, tangents, normals, number, np.array(salient), np.array(symmetric), np.array(weight))
+        rims = _rims_before([circle for f in model.features for circle in f.circles()], model)
+        return cls(points, tangents, normals, number, np.array(salient), np.array(symmetric), np.array(weight), rims)
 
     def project(self, T_world_part: Array, view: View) -> Projection:
         """Project the samples of the circles that face the camera.
@@ -120,7 +138,9 @@ class ModelContour:
         R = T[:3, :3]
         points = self.points @ R.T + T[:3, 3]
         facing = -np.einsum("ij,ij->i", self.normals @ R.T, points) / np.linalg.norm(points, axis=1)
-        index = np.flatnonzero((facing > GRAZING_COSINE) & (points[:, 2] > 1e-3))
+        eye = np.ascontiguousarray(-R.T @ T[:3, 3])
+        clear = in_sight(self.points, self.rims[self.circle], eye)
+        index = np.flatnonzero((facing > GRAZING_COSINE) & (points[:, 2] > 1e-3) & clear)
         x, y, z = points[index].T
         tx, ty, tz = (self.tangents[index] @ R.T).T
         camera = view.camera
@@ -130,9 +150,58 @@ class ModelContour:
         return Projection(index, pixels, np.column_stack([along[:, 1], -along[:, 0]]))
 
 
+def _rims_before(circles: Sequence[Circle], model: VisionModel) -> Array:
+    """For each circle the salient ones of the same side that lie nearer to the viewer, (C, B, 2)."""
+    rims = [f.circle for f in model.salient]
+    slack = 0.01 * model.diameter_m
+    before = [[(rim.radius_m, rim.centre[2]) for rim in rims if _is_before(rim, circle, slack)] for circle in circles]
+    out = np.full((len(circles), max(map(len, before), default=0), 2), np.nan)
+    for row, found in zip(out, before, strict=True):
+        row[: len(found)] = np.reshape(found, (-1, 2))
+    return out
+
+
+def _is_before(rim: Circle, circle: Circle, slack: float) -> bool:
+    side = np.sign(circle.normal[2])
+    return bool(side == np.sign(rim.normal[2]) and side * (rim.centre[2] - circle.centre[2]) > slack)
+
+
+@njit(cache=True, inline="always")
+def passes_rims(x, y, z, rims, eye):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Whether a point of the part is seen from the eye past the rims before it, all in the part's frame.
+
+    The surface of one body joins the point and the rim. A line of sight that starts on one side of the rim's radius
+    and crosses the rim's plane on the other side has gone through that surface: the floor of a cup hides behind the
+    wall, a flange behind the hat.
+    """
+    own = x * x + y * y
+    for k in range(len(rims)):
+        square = rims[k, 0] * rims[k, 0]
+        if np.isnan(square):
+            break
+        share = (rims[k, 1] - z) / (eye[2] - z)
+        across, along = x + share * (eye[0] - x), y + share * (eye[1] - y)
+        crossing = across * across + along * along
+        if own < square:
+            if crossing > (1 + RIM_SLACK) ** 2 * square:
+                return False
+        elif crossing < (1 - RIM_SLACK) ** 2 * square:
+            return False
+    return True
+
+
+@njit(cache=True)
+def in_sight(points, rims, eye):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """:func:`passes_rims` of points (N, 3) with rims (N, B, 2)."""
+    out = np.empty(len(points), np.bool_)
+    for i in range(len(points)):
+        out[i] = passes_rims(points[i, 0], points[i, 1], points[i, 2], rims[i], eye)
+    return out
+
+
 @njit(cache=True)
 def tally_support(  # type: ignore[no-untyped-def]
-    T_camera_part, intrinsics, samples, edges, reach_px, total, count
+    poses, cameras, samples, edges, reach_px, total, count
 ):  # pragma: no cover - compiled
     """Add the edge support of each circle's samples to ``total`` and their number to ``count``.
 
@@ -140,43 +209,81 @@ def tally_support(  # type: ignore[no-untyped-def]
     innermost loop of matching.
 
     Args:
-        T_camera_part: (4, 4).
-        intrinsics: fx, fy, cx, cy.
-        samples: points, tangents, normals (S, 3) and circle numbers (S,).
-        edges: distance (H, W), direction (H, W, 2) and claimed (H, W).
+        poses: (N, 4, 4) T_world_part.
+        cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
+        samples: points, tangents, normals (S, 3), circle numbers (S,) and rims (C, B, 2).
+        edges: distance (V, H, W), direction (V, H, W, 2), claimed (V, H, W), and the depth (V, H, W) beyond which
+            parts already found hide what is there.
         reach_px: tolerance.
-        total: (C,) added to.
-        count: (C,) added to.
+        total: (N, V, C) added to.
+        count: (N, V, C, 2) added to: the samples that nothing known hides, and all that face the camera.
     """
-    fx, fy, cx, cy = intrinsics
-    points, tangents, normals, circle = samples
-    distance, direction, claimed = edges
-    height, width = distance.shape
+    points, tangents, normals, circle, rims = samples
+    distance, direction, claimed, cover = edges
+    height, width = claimed.shape[1:]
+    margin = COVER_MARGIN * np.abs(points).max()
     loosest, tightest = np.cos(np.radians(35.0)), np.cos(np.radians(15.0))
-    R, t = T_camera_part[:3, :3], T_camera_part[:3, 3]
-    for i in range(len(points)):
-        p, n = points[i], normals[i]
-        x = R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2] + t[0]
-        y = R[1, 0] * p[0] + R[1, 1] * p[1] + R[1, 2] * p[2] + t[1]
-        z = R[2, 0] * p[0] + R[2, 1] * p[1] + R[2, 2] * p[2] + t[2]
-        nx = R[0, 0] * n[0] + R[0, 1] * n[1] + R[0, 2] * n[2]
-        ny = R[1, 0] * n[0] + R[1, 1] * n[1] + R[1, 2] * n[2]
-        nz = R[2, 0] * n[0] + R[2, 1] * n[1] + R[2, 2] * n[2]
-        if z < 1e-3 or -(nx * x + ny * y + nz * z) <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
-            continue
-        u, v = int(np.rint(fx * x / z + cx)), int(np.rint(fy * y / z + cy))
-        if u < 2 or v < 2 or u > width - 3 or v > height - 3:
-            continue
-        count[circle[i]] += 1.0
-        near = (reach_px - distance[v, u]) / (reach_px - 1.0)
-        if near <= 0.0 or claimed[v, u]:
-            continue
-        q = tangents[i]
-        tx = R[0, 0] * q[0] + R[0, 1] * q[1] + R[0, 2] * q[2]
-        ty = R[1, 0] * q[0] + R[1, 1] * q[1] + R[1, 2] * q[2]
-        tz = R[2, 0] * q[0] + R[2, 1] * q[1] + R[2, 2] * q[2]
-        du, dv = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
-        length = np.sqrt(du * du + dv * dv)
-        aligned = abs(direction[v, u, 0] * dv - direction[v, u, 1] * du) / max(length, 1e-12)
-        share = (aligned - loosest) / (tightest - loosest)
-        total[circle[i]] += min(near, 1.0) * min(max(share, 0.0), 1.0)
+    for pose in range(len(poses)):
+        for view in range(len(claimed)):
+            T = cameras[0][view] @ poses[pose]
+            fx, fy, cx, cy = cameras[1][view]
+            eye = eye_of(T)
+            current, facing_away = -1, False
+            n = np.zeros(3)
+            for i in range(len(points)):
+                c = circle[i]
+                if c != current:
+                    current = c
+                    n[0], n[1], n[2] = rotated(T, normals[i])
+                    # From behind the plane of a circle none of it is seen.
+                    x, y, z = moved(T, points[i])
+                    facing_away = n[0] * x + n[1] * y + n[2] * z >= 0
+                if facing_away:
+                    continue
+                x, y, z = moved(T, points[i])
+                if z < 1e-3 or -(n[0] * x + n[1] * y + n[2] * z) <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
+                    continue
+                u, v = int(np.rint(fx * x / z + cx)), int(np.rint(fy * y / z + cy))
+                if u < 2 or v < 2 or u > width - 3 or v > height - 3:
+                    continue
+                if not passes_rims(points[i, 0], points[i, 1], points[i, 2], rims[c], eye):
+                    continue
+                count[pose, view, c, 1] += 1.0
+                if z > cover[view, v, u] + margin:
+                    continue
+                count[pose, view, c, 0] += 1.0
+                near = (reach_px - distance[view, v, u]) / (reach_px - 1.0)
+                if near <= 0.0 or claimed[view, v, u]:
+                    continue
+                tx, ty, tz = rotated(T, tangents[i])
+                du, dv = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
+                length = np.sqrt(du * du + dv * dv)
+                aligned = abs(direction[view, v, u, 0] * dv - direction[view, v, u, 1] * du) / max(length, 1e-12)
+                share = (aligned - loosest) / (tightest - loosest)
+                total[pose, view, c] += min(near, 1.0) * min(max(share, 0.0), 1.0)
+
+
+@njit(cache=True, inline="always")
+def moved(T, p):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """The point T p."""
+    x, y, z = rotated(T, p)
+    return x + T[0, 3], y + T[1, 3], z + T[2, 3]
+
+
+@njit(cache=True, inline="always")
+def rotated(T, p):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """The direction T p."""
+    return (
+        T[0, 0] * p[0] + T[0, 1] * p[1] + T[0, 2] * p[2],
+        T[1, 0] * p[0] + T[1, 1] * p[1] + T[1, 2] * p[2],
+        T[2, 0] * p[0] + T[2, 1] * p[1] + T[2, 2] * p[2],
+    )
+
+
+@njit(cache=True)
+def eye_of(T_camera_part):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """The camera's centre (3,) in the part's frame."""
+    T, out = T_camera_part, np.empty(3)
+    for j in range(3):
+        out[j] = -(T[0, j] * T[0, 3] + T[1, j] * T[1, 3] + T[2, j] * T[2, 3])
+    return out

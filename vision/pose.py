@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 # Systematic errors of edges, measured on rendered scenes (those that were tuned on, not those that are reported):
 SHIFT_SIGMA_PX = 0.03  # of all edges of one picture together
 SWELL_SIGMA_PX = 0.07  # of the radius of one rim in one picture
+RIM_SHIFT_SIGMA_PX = 0.10  # of one rim or hole in one picture
+LIFT_SIGMA_PX = 0.08  # of the taught height of one rim
 TWIST_SIGMA_PX = 0.04  # of all holes of one picture about the part's axis
 COMMON_SIGMA_PX = 0.05  # of all edges of all pictures together
 
@@ -226,14 +228,22 @@ def _systematic(J: Array, weights: Array, seen: Observations, axis: Array) -> Ar
     turn = J[:, 3:] @ axis * seen.sigma_px
     tells = np.abs(turn) > 1e-3 * np.abs(turn).max()
     turn /= max(float(np.sqrt(np.mean(turn[tells] ** 2))), 1e-9) if tells.any() else 1.0
+    # How far the images of a circle's points move when it is lifted along the axis by one pixel's footprint.
+    footprint = 1 / max(float(np.linalg.norm(J[:, :3] * seen.sigma_px[:, None], axis=1).max()), 1e-9)
+    lift = J[:, :3] @ axis * seen.sigma_px * footprint
+    for circle in np.unique(seen.circle):
+        mine = seen.circle == circle
+        lifted = rows[mine].T @ lift[mine]
+        total += LIFT_SIGMA_PX**2 * np.outer(lifted, lifted)
     for view in np.unique(seen.view):
         mine = seen.view == view
         shift = rows[mine].T @ seen.normals[mine]
         twist = rows[mine].T @ turn[mine]
         total += SHIFT_SIGMA_PX**2 * shift @ shift.T + TWIST_SIGMA_PX**2 * np.outer(twist, twist)
         for circle in np.unique(seen.circle[mine]):
-            swell = rows[mine & (seen.circle == circle)].sum(axis=0)
-            total += SWELL_SIGMA_PX**2 * np.outer(swell, swell)
+            rim = mine & (seen.circle == circle)
+            swell, shift = rows[rim].sum(axis=0), rows[rim].T @ seen.normals[rim]
+            total += SWELL_SIGMA_PX**2 * np.outer(swell, swell) + RIM_SHIFT_SIGMA_PX**2 * shift @ shift.T
     return total
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.circle_pose import Circle
@@ -17,6 +18,7 @@ from vision.errors import InputError
 from vision.extraction_thresholds import ExtractionThresholds
 from vision.features import Process
 
+Array = NDArray[np.float64]
 Role = Literal["salient", "supporting"]
 GraspKind = Literal["outside", "inside"]
 
@@ -51,11 +53,14 @@ class CircleFeature:
     support: float = 1.0
     attributes: tuple[tuple[str, AttributeRange], ...] = ()
 
+    def turns(self) -> Array:
+        """(copies, 3, 3) rotations about the part's axis that carry the circle into its copies."""
+        angles = np.arange(self.copies) * 2 * np.pi / self.copies
+        return Rotation.from_rotvec(np.outer(angles, [0.0, 0.0, 1.0])).as_matrix()
+
     def circles(self) -> list[Circle]:
         """The circles of all copies."""
-        turns = Rotation.from_rotvec(np.outer(np.arange(self.copies) * 2 * np.pi / self.copies, [0.0, 0.0, 1.0]))
-        matrices = turns.as_matrix()
-        return [Circle(R @ self.circle.centre, R @ self.circle.normal, self.circle.radius_m) for R in matrices]
+        return [Circle(R @ self.circle.centre, R @ self.circle.normal, self.circle.radius_m) for R in self.turns()]
 
 
 @dataclass(frozen=True, eq=False)

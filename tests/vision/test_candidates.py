@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.candidates import Candidates, SalientCircles, Workspace, find_candidates, predict_salient, vote
+from vision.camera import camera_arrays
+from vision.candidates import SalientCircles, Workspace, find_candidates, poses_of
 from vision.circle_pose import circle_poses, project_circle
+from vision.ellipse_table import EllipseTable
 from vision.features import EllipseFeature
+from vision.voting import predict_circle, votes_of
 
 WORKSPACE = Workspace((-0.06, -0.06, -0.03), (0.06, 0.06, 0.03))
 
@@ -128,13 +131,15 @@ def test_two_plates_are_two_distinct_candidates_ahead_of_all_others(plate, photo
 def test_predictions_are_the_projected_circles_and_undefined_where_turned_away(plate, truth, photograph):
     (view,) = photograph([], views=[2])
     T = truth.as_matrix()
-    predicted = predict_salient(T[None, :3, 3], T[None, :3, 2], view, SalientCircles.of(plate))[0]
-    for row, feature in zip(predicted, plate.salient, strict=True):
-        if feature.circle.normal[2] * T[2, 2] > 0:
+    T_camera_world, intrinsics = camera_arrays([view])
+    row = np.empty(5)
+    for feature, height, side, radius in zip(plate.salient, *SalientCircles.of(plate).arrays, strict=True):
+        seen = predict_circle(T_camera_world[0] @ T, intrinsics[0], height, side, radius, row)
+        assert seen == (feature.circle.normal[2] * T[2, 2] > 0)
+        if seen:
             expected = project_circle(feature.circle.moved(truth), view).geometric
             assert np.allclose(row[:4], expected[:4], atol=1e-6)
-        else:
-            assert np.isnan(row).all()
+            assert np.sin(row[4] - expected[4]) == pytest.approx(0, abs=1e-3)
 
 
 def test_votes_fall_with_the_distance_from_the_truth(plate, truth, photograph):
@@ -142,7 +147,8 @@ def test_votes_fall_with_the_distance_from_the_truth(plate, truth, photograph):
     features = perfect(plate, [truth], views)
     origin = truth.translation + np.array([0.0, 0.3, 0.6, 1.0, 5.0])[:, None] * [1e-3, 0, 0]
     axis = np.tile(truth.as_matrix()[:3, 2], (5, 1))
-    votes, matches = vote(origin, axis, views, features, SalientCircles.of(plate))
+    circles = SalientCircles.of(plate).arrays
+    votes, matches = votes_of(poses_of(origin, axis), camera_arrays(views), circles, EllipseTable.of(features))
     assert (np.diff(votes) < 0).all()
     assert votes[-1] == 0
     assert (matches[-1] == -1).all()
@@ -152,16 +158,9 @@ def test_pose_of_a_candidate_is_rigid_with_its_axis_and_origin():
     rng = np.random.default_rng(10_002)
     axis = rng.normal(size=(20, 3))
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    none = np.zeros((20, 1, 1), int)
-    candidates = Candidates(rng.normal(size=(20, 3)), axis, np.ones(20), none, none[:, 0])
-    for i in range(20):
-        T = candidates.pose(i)
+    origin = rng.normal(size=(20, 3))
+    for T, z, o in zip(poses_of(origin, axis), axis, origin, strict=True):
         assert np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3))
         assert np.linalg.det(T[:3, :3]) == pytest.approx(1)
-        assert np.allclose(T[:3, 2], axis[i])
-        assert np.allclose(T[:3, 3], candidates.origin[i])
-
-
-@pytest.mark.parametrize(("point", "margin", "expected"), [(0.06, 0, True), (0.061, 0, False), (0.061, 0.002, True)])
-def test_workspace_contains_its_border_and_its_margin(point, margin, expected):
-    assert WORKSPACE.contains(np.array([[point, 0, 0]]), margin).tolist() == [expected]
+        assert np.allclose(T[:3, 2], z)
+        assert np.allclose(T[:, 3], [*o, 1])

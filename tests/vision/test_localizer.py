@@ -60,7 +60,7 @@ def test_either_extractor_works_alone_and_uses_its_own_ellipses(process, plate, 
     assert localizer.name == process
     result = localizer.localize(photograph(scene), WORKSPACE)
     assert {f.process for view in result.features for f in view} == {process}
-    assert set(result.by_process) == {process}
+    assert localizer.alone([], result) == {process: result.estimates}
     assert len(result.estimates) == 2
     for truth in scene:
         best, distance, _ = nearest(result.estimates, truth)
@@ -72,8 +72,9 @@ def test_dual_reports_what_each_extractor_would_have_said_alone(plate, dual, sce
     views = photograph(scene)
     result = dual.localize(views, WORKSPACE)
     assert dual.name == "dual"
-    assert set(result.by_process) == {"region", "group"}
-    for process, estimates in result.by_process.items():
+    answers = dual.alone(views, result, WORKSPACE)
+    assert set(answers) == {"region", "group"}
+    for process, estimates in answers.items():
         alone = EllipseLocalizer([plate], (process,)).localize(views, WORKSPACE).estimates
         for a, b in zip(alone, estimates, strict=True):
             assert np.array_equal(a.T_world_part.as_matrix(), b.T_world_part.as_matrix())
@@ -101,9 +102,10 @@ def test_a_plate_hidden_from_one_view_is_found_by_the_others(dual, scene, photog
 
 @pytest.mark.parametrize("noise", [0.0, 3.0])
 def test_nothing_in_empty_images_is_an_answer(noise, dual, photograph):
-    result = dual.localize(photograph([], noise=noise), WORKSPACE)
+    views = photograph([], noise=noise)
+    result = dual.localize(views, WORKSPACE)
     assert result.estimates == ()
-    assert result.by_process == {"region": (), "group": ()}
+    assert dual.alone(views, result, WORKSPACE) == {"region": (), "group": ()}
     assert len(result.features) == 3
 
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.circle_pose import project_circle
+from vision.camera import camera_arrays
+from vision.circle_pose import Circle, project_circle
 from vision.evidence import EdgeField
-from vision.model_contour import SAMPLE_SPACING_PX, ModelContour, tally_support
+from vision.model_contour import SAMPLE_SPACING_PX, ModelContour, in_sight, tally_support
+from vision.vision_model import CircleFeature, VisionModel
 
 SCALE = 4200.0
 
@@ -80,12 +84,12 @@ def test_one_pass_tallies_what_projection_and_support_do(contour, photograph, po
             0.05 * spread * rng.normal(size=3), Rotation.from_rotvec(spread * rng.normal(size=3))
         )
         T = (near * shake).as_matrix()
-        total, count = np.zeros(8), np.zeros(8)
+        total, count = np.zeros((1, 1, 8)), np.zeros((1, 1, 8, 2))
         tally_support(
-            np.linalg.inv(view.T_world_camera.as_matrix()) @ T,
-            (camera.fx, camera.fy, camera.cx, camera.cy),
-            (contour.points, contour.tangents, contour.normals, contour.circle),
-            (field.distance, field.direction, claimed),
+            T[None],
+            camera_arrays([view]),
+            (contour.points, contour.tangents, contour.normals, contour.circle, contour.rims),
+            (field.distance[None], field.direction[None], claimed[None], np.full_like(field.distance, np.inf)[None]),
             3.0,
             total,
             count,
@@ -96,8 +100,43 @@ def test_one_pass_tallies_what_projection_and_support_do(contour, photograph, po
         free = inside & ~claimed[np.where(inside, v, 0), np.where(inside, u, 0)]
         support = field.support(projection.pixels, projection.normals, 3.0)
         circle = contour.circle[projection.index]
-        assert np.array_equal(count, np.bincount(circle[inside], minlength=8))
+        assert np.array_equal(count[0, 0, :, 0], np.bincount(circle[inside], minlength=8))
+        assert np.array_equal(count[..., 0], count[..., 1])
         # The distances are stored in single precision.
-        assert np.allclose(total, np.bincount(circle[free], support[free], minlength=8), rtol=1e-5, atol=1e-5)
+        assert np.allclose(total[0, 0], np.bincount(circle[free], support[free], minlength=8), rtol=1e-5, atol=1e-5)
         supported += total.sum() > 20
     assert supported > 10
+
+
+def cup(radius_m=0.015, floor_m=0.010):
+    """A cup's rim at z = 0, seen from +z, and circles on its floor."""
+    up = np.array([0.0, 0.0, 1.0])
+    rim = CircleFeature("rim", "salient", Circle(np.zeros(3), up, radius_m), "region")
+    floor = CircleFeature("floor", "salient", Circle(np.array([0, 0, -floor_m]), up, 0.6 * radius_m), "region")
+    return VisionModel("cup", 2 * radius_m, (rim, floor))
+
+
+@given(tilt_deg=st.floats(0, 80), azimuth=st.floats(0, 6.28), radius=st.floats(0, 0.98), turn=st.floats(0, 6.28))
+def test_the_floor_of_a_cup_is_seen_exactly_where_the_line_of_sight_misses_its_wall(tilt_deg, azimuth, radius, turn):
+    """March along the line of sight and look whether it enters the wall, a cylinder below the rim."""
+    contour = ModelContour.of(cup(), 4000)
+    rims = contour.rims[1]
+    assert np.array_equal(rims, [[0.015, 0.0]])
+    tilt = np.radians(tilt_deg)
+    eye = 0.4 * np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
+    point = np.array([0.015 * radius * np.cos(turn), 0.015 * radius * np.sin(turn), -0.010])
+    path = point + np.linspace(0, 1, 4001)[:, None] * (eye - point)
+    beyond = np.hypot(*path[path[:, 2] < 0, :2].T).max() / 0.015
+    if abs(beyond - 1) > 0.04:  # the taught radius has a tolerance
+        assert in_sight(point[None], rims[None], eye)[0] == (beyond < 1)
+
+
+def test_a_flange_hides_behind_the_hat_and_a_rim_hides_nothing_on_its_own_side():
+    up = np.array([0.0, 0.0, 1.0])
+    hat = CircleFeature("hat", "salient", Circle(np.array([0, 0, 0.04]), up, 0.05), "region")
+    flange = CircleFeature("flange", "salient", Circle(np.zeros(3), up, 0.1), "region")
+    contour = ModelContour.of(VisionModel("hub", 0.2, (hat, flange)), 1000)
+    assert np.isnan(contour.rims[0]).all()
+    eye = np.array([0.5, 0.0, 0.2])
+    near, far = np.array([0.1, 0.0, 0.0]), np.array([-0.1, 0.0, 0.0])
+    assert in_sight(np.stack([near, far]), contour.rims[[1, 1]], eye).tolist() == [True, False]

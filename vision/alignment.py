@@ -1,0 +1,251 @@
+"""Compiled pose corrections for many candidates: on matched ellipses, and on the nearest edges of all views.
+
+The same robust Gauss-Newton as :func:`vision.pose.refine_pose`, without its covariance: fast enough to try every
+candidate, where that one gives the final word.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from vision.model_contour import COVER_MARGIN, GRAZING_COSINE, eye_of, moved, passes_rims, rotated
+
+ROBUST_SCALE = 3.0
+NOISE_FLOOR_PX = 0.1
+AXIS_SPRING = 1e6  # relative: holds the rotation about the part's axis, which coaxial circles cannot tell
+FEWEST_POINTS = 12
+LOOSEST_ALIGNMENT = np.cos(np.radians(35.0))
+
+
+@njit(cache=True)
+def align_on_ellipses(poses, matches, cameras, circles, table, iterations):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Move poses to where their salient circles pass through the edge points of the matched ellipses.
+
+    The viewing ray of an edge point meets the plane of the circle; the direction from the centre to there gives the
+    circle's nearest point, and the projected tangent in that point the normal along which the distance counts.
+
+    Args:
+        poses: (N, 4, 4) T_world_part; corrected in place.
+        matches: (N, V, K) number of the ellipse within its view, -1 for none.
+        cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
+        circles: height, side, radius (K,) of the salient circles.
+        table: first (V + 1,), first_point (M + 1,), points (P, 2) of the ellipses.
+        iterations: Gauss-Newton steps.
+
+    Returns:
+        (N,) False where too few points were left; such a pose is not to be used.
+    """
+    T_camera_world, intrinsics = cameras
+    height, _side, radius = circles
+    first, first_point, points = table
+    good = np.ones(len(poses), np.bool_)
+    rows, residuals = np.empty((1024, 6)), np.empty(1024)
+    for i in range(len(poses)):
+        for _ in range(iterations):
+            count = 0
+            for v in range(len(T_camera_world)):
+                T = T_camera_world[v] @ poses[i]
+                R = T[:3, :3]
+                eye = eye_of(T)
+                fx, fy, cx, cy = intrinsics[v]
+                for k in range(len(radius)):
+                    if matches[i, v, k] < 0:
+                        continue
+                    m = first[v] + matches[i, v, k]
+                    for j in range(first_point[m], first_point[m + 1]):
+                        if count == len(residuals):
+                            break
+                        u, w = (points[j, 0] - cx) / fx, (points[j, 1] - cy) / fy
+                        rx = R[0, 0] * u + R[1, 0] * w + R[2, 0]
+                        ry = R[0, 1] * u + R[1, 1] * w + R[2, 1]
+                        rz = R[0, 2] * u + R[1, 2] * w + R[2, 2]
+                        if rz == 0.0:
+                            continue
+                        reach = (height[k] - eye[2]) / rz
+                        x, y = eye[0] + reach * rx, eye[1] + reach * ry
+                        length = max(np.sqrt(x * x + y * y), 1e-12)
+                        x, y = radius[k] * x / length, radius[k] * y / length
+                        if _row(T, T_camera_world[v], intrinsics[v], (x, y, height[k]), (-y, x, 0.0), points[j, 0],
+                                points[j, 1], rows[count], residuals, count):  # fmt: skip
+                            count += 1
+            if count < FEWEST_POINTS:
+                good[i] = False
+                break
+            _step(poses[i], rows[:count], residuals[:count], False)
+    return good
+
+
+@njit(cache=True)
+def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Move poses to where a sampled contour lies on the nearest edges of all views.
+
+    Args:
+        poses: (N, 4, 4) T_world_part; corrected in place.
+        cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
+        samples: points, tangents, normals (S, 3), circle numbers (S,) and rims (C, B, 2) of a
+            :class:`vision.model_contour.ModelContour`.
+        edges: direction (V, H, W, 2), nearest edge (V, H, W, 2) as x, y, claimed (V, H, W), and the depth (V, H, W)
+            beyond which parts already found hide what is there.
+        reaches: tolerance in pixels, iteration by iteration.
+        inplane: whether the rotation about the part's axis is corrected too.
+
+    Returns:
+        (N,) False where too few edges were in reach.
+    """
+    T_camera_world, intrinsics = cameras
+    points, tangents, normals, circle, rims = samples
+    direction, nearest, claimed, cover = edges
+    height, width = claimed.shape[1:]
+    good = np.ones(len(poses), np.bool_)
+    margin = COVER_MARGIN * np.abs(points).max()
+    most = len(T_camera_world) * len(points)
+    rows, residuals = np.empty((most, 6)), np.empty(most)
+    for i in range(len(poses)):
+        for reach in reaches:
+            count = 0
+            for v in range(len(T_camera_world)):
+                T = T_camera_world[v] @ poses[i]
+                fx, fy, cx, cy = intrinsics[v]
+                eye = eye_of(T)
+                for s in range(len(points)):
+                    x, y, z = moved(T, points[s])
+                    nx, ny, nz = rotated(T, normals[s])
+                    facing = -(nx * x + ny * y + nz * z)
+                    if z < 1e-3 or facing <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
+                        continue
+                    if not passes_rims(points[s, 0], points[s, 1], points[s, 2], rims[circle[s]], eye):
+                        continue
+                    u, w = fx * x / z + cx, fy * y / z + cy
+                    column, line = int(np.rint(u)), int(np.rint(w))
+                    if column < 2 or line < 2 or column > width - 3 or line > height - 3:
+                        continue
+                    if z > cover[v, line, column] + margin:
+                        continue
+                    ex, ey = nearest[v, line, column]
+                    if ex < 0 or (ex - u) ** 2 + (ey - w) ** 2 > (reach + 1.0) ** 2:
+                        continue
+                    if claimed[v, int(np.rint(ey)), int(np.rint(ex))]:
+                        continue
+                    tx, ty, tz = rotated(T, tangents[s])
+                    du, dw = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
+                    length = max(np.sqrt(du * du + dw * dw), 1e-12)
+                    gx, gy = direction[v, line, column]
+                    if abs(gx * dw - gy * du) < LOOSEST_ALIGNMENT * length:
+                        continue
+                    if abs((ex - u) * dw - (ey - w) * du) > reach * length:
+                        continue
+                    if _row(T, T_camera_world[v], intrinsics[v], (points[s, 0], points[s, 1], points[s, 2]),
+                            (tangents[s, 0], tangents[s, 1], tangents[s, 2]), ex, ey, rows[count], residuals,
+                            count):  # fmt: skip
+                        count += 1
+            if count < FEWEST_POINTS:
+                good[i] = False
+                break
+            _step(poses[i], rows[:count], residuals[:count], inplane)
+    return good
+
+
+@njit(cache=True)
+def _row(T, T_camera_world, intrinsics, point, tangent, seen_x, seen_y, row, residuals, count):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """One line of the normal equations: d(distance along the normal)/d(translation, rotation about the origin)."""
+    fx, fy, cx, cy = intrinsics
+    ax, ay, az = rotated(T, point)
+    x, y, z = ax + T[0, 3], ay + T[1, 3], az + T[2, 3]
+    if z < 1e-3:
+        return False
+    tx, ty, tz = rotated(T, tangent)
+    du, dw = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
+    length = np.sqrt(du * du + dw * dw)
+    if length < 1e-12:
+        return False
+    mx, my = dw / length, -du / length
+    # The gradient of the distance in the camera frame, then turned into the world frame.
+    gx, gy = mx * fx / z, my * fy / z
+    gz = -(gx * x + gy * y) / z
+    tox, toy, toz = ay * gz - az * gy, az * gx - ax * gz, ax * gy - ay * gx
+    M = T_camera_world
+    for j in range(3):
+        row[j] = M[0, j] * gx + M[1, j] * gy + M[2, j] * gz
+        row[3 + j] = M[0, j] * tox + M[1, j] * toy + M[2, j] * toz
+    residuals[count] = mx * (seen_x - (fx * x / z + cx)) + my * (seen_y - (fy * y / z + cy))
+    return True
+
+
+@njit(cache=True)
+def _step(T, rows, residuals, inplane):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """One Gauss-Newton step with Tukey's weights, applied to the pose."""
+    scale = ROBUST_SCALE * max(1.4826 * np.median(np.abs(residuals)), NOISE_FLOOR_PX)
+    N, g = np.zeros((6, 6)), np.zeros(6)
+    for i in range(len(residuals)):
+        u = residuals[i] / scale
+        if abs(u) >= 1:
+            continue
+        weight = (1 - u * u) ** 2
+        for a in range(6):
+            wa = weight * rows[i, a]
+            g[a] += wa * residuals[i]
+            for b in range(a, 6):
+                N[a, b] += wa * rows[i, b]
+    for a in range(6):
+        for b in range(a):
+            N[a, b] = N[b, a]
+    if not inplane:
+        stiff = AXIS_SPRING * max(N[3, 3] + N[4, 4] + N[5, 5], 1e-12)
+        for a in range(3):
+            for b in range(3):
+                N[3 + a, 3 + b] += stiff * T[a, 2] * T[b, 2]
+    for a in range(6):
+        N[a, a] *= 1 + 1e-9
+    step = _solve(N, g)
+    _move(T, step)
+
+
+@njit(cache=True)
+def _solve(N, g):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """The solution of N x = g by Cholesky's decomposition; directions that nothing determines stay zero."""
+    n = len(g)
+    L, x = np.zeros((n, n)), np.zeros(n)
+    for a in range(n):
+        total = N[a, a]
+        for k in range(a):
+            total -= L[a, k] ** 2
+        if total <= 1e-12 * N[a, a] or total <= 0:
+            continue
+        L[a, a] = np.sqrt(total)
+        for b in range(a + 1, n):
+            total = N[b, a]
+            for k in range(a):
+                total -= L[b, k] * L[a, k]
+            L[b, a] = total / L[a, a]
+    for a in range(n):
+        if L[a, a] > 0:
+            total = g[a]
+            for k in range(a):
+                total -= L[a, k] * x[k]
+            x[a] = total / L[a, a]
+    for a in range(n - 1, -1, -1):
+        if L[a, a] > 0:
+            total = x[a]
+            for k in range(a + 1, n):
+                total -= L[k, a] * x[k]
+            x[a] = total / L[a, a]
+    return x
+
+
+@njit(cache=True)
+def _move(T, step):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Translate, and turn about the part's origin by a rotation vector."""
+    for a in range(3):
+        T[a, 3] += step[a]
+    angle = np.sqrt(step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
+    if angle < 1e-15:
+        return
+    kx, ky, kz = step[3] / angle, step[4] / angle, step[5] / angle
+    s, c = np.sin(angle), 1 - np.cos(angle)
+    for j in range(3):
+        x, y, z = T[0, j], T[1, j], T[2, j]
+        along = kx * x + ky * y + kz * z
+        T[0, j] = x + s * (ky * z - kz * y) + c * (kx * along - x)
+        T[1, j] = y + s * (kz * x - kx * z) + c * (ky * along - y)
+        T[2, j] = z + s * (kx * y - ky * x) + c * (kz * along - z)

@@ -1,0 +1,88 @@
+"""What the parts already found hide from the cameras: their discs and walls, as depths per pixel."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.camera import View
+from vision.vision_model import VisionModel
+
+Array = NDArray[np.float64]
+
+SAMPLES = 48
+
+
+def cover(depth: NDArray[np.float32], T_world_part: Array, view: View, model: VisionModel) -> None:
+    """Lower a depth map (H, W), in place, to the body that the part's coaxial circles span.
+
+    The body is the hull of the largest circles, less the bore: solid, which a cup is not; but what else lies in the
+    bin does not fit into a cup.
+
+    Args:
+        depth: metres along the optical axis; infinite where nothing is known to be.
+        T_world_part: 4x4 pose of the part.
+        view: with a distortion-free lens.
+        model: of the part.
+    """
+    T = np.linalg.inv(view.T_world_camera.as_matrix()) @ T_world_part
+    rims = _outlines(model, T)
+    if min(rim[:, 2].min() for rim in rims) <= 0:
+        return
+    outlines = [_pixels(rim, view) for rim in rims]
+    hull = cv2.convexHull(np.vstack(outlines).astype(np.float32))
+    x, y, width, height = cv2.boundingRect(hull)
+    x0, y0 = max(x, 0), max(y, 0)
+    x1, y1 = min(x + width, depth.shape[1]), min(y + height, depth.shape[0])
+    if x1 <= x0 or y1 <= y0:
+        return
+    body = np.full((y1 - y0, x1 - x0), np.inf, np.float32)
+    body[_filled(hull, (x0, y0), body.shape)] = np.mean([rim[:, 2].mean() for rim in rims])
+    columns, rows = np.arange(x0, x1, dtype=np.float32), np.arange(y0, y1, dtype=np.float32)[:, None]
+    rays = ((columns - view.camera.cx) / view.camera.fx, (rows - view.camera.cy) / view.camera.fy)
+    normal = T[:3, 2]
+    for rim, outline in zip(rims, outlines, strict=True):
+        inside = _filled(outline, (x0, y0), body.shape)
+        with np.errstate(divide="ignore"):
+            plane = (normal @ rim.mean(axis=0)) / (normal[0] * rays[0] + (normal[1] * rays[1] + normal[2]))
+        np.minimum(body, plane, out=body, where=inside & (plane > 0), casting="same_kind")
+    body[_seen_through(model, T, view, (x0, y0), body.shape)] = np.inf
+    window = depth[y0:y1, x0:x1]
+    np.minimum(window, body, out=window)
+
+
+def _seen_through(
+    model: VisionModel, T_camera_part: Array, view: View, corner: tuple[int, int], shape: tuple[int, ...]
+) -> NDArray[np.bool_]:
+    """The pixels that look through the bore: inside both of its rims."""
+    if model.bore is None:
+        return np.zeros(shape, bool)
+    radius = 0.5 * model.bore.diameter_m
+    T_part_bore = model.bore.T_part_bore.as_matrix()
+    through = np.ones(shape, bool)
+    for z in (0.0, model.bore.depth_m):
+        t = np.linspace(0, 2 * np.pi, SAMPLES, endpoint=False)
+        rim = np.column_stack([radius * np.cos(t), radius * np.sin(t), np.full(SAMPLES, z)])
+        T = T_camera_part @ T_part_bore
+        through &= _filled(_pixels(rim @ T[:3, :3].T + T[:3, 3], view), corner, shape)
+    return through
+
+
+def _outlines(model: VisionModel, T_camera_part: Array) -> list[Array]:
+    """Points (N, 3) of the salient circles nearly as large as the largest: the outlines of front and back."""
+    circles = [f.circle for f in model.salient]
+    largest = max(c.radius_m for c in circles)
+    points = [c.sample(SAMPLES) for c in circles if c.radius_m > 0.85 * largest]
+    return [p @ T_camera_part[:3, :3].T + T_camera_part[:3, 3] for p in points]
+
+
+def _pixels(points: Array, view: View) -> Array:
+    camera = view.camera
+    return np.asarray(points[:, :2] / points[:, 2:] * (camera.fx, camera.fy) + (camera.cx, camera.cy))
+
+
+def _filled(polygon: Array, corner: tuple[int, int], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    mask = np.zeros(shape, np.uint8)
+    cv2.fillConvexPoly(mask, np.round(np.reshape(polygon, (-1, 2)) - corner).astype(np.int32), 1)
+    return mask > 0
