@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 SMOOTHING_PX = 1.0
-CANNY_LOW, CANNY_HIGH = 14.0, 32.0  # 3x3 Sobel units of the smoothed image; its noise at grey sigma 2 is about 2
+CANNY_LOW, CANNY_HIGH = 8.0, 18.0  # 3x3 Sobel units of the smoothed image; its noise at grey sigma 2 is about 2
 
 
 @dataclass(frozen=True, eq=False)
