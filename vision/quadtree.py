@@ -80,17 +80,6 @@ class Quadtree:
         return len(self.x)
 
 
-@dataclass(frozen=True, eq=False)
-class _Level:
-    """Sums over all blocks of one size, at (row, column) of the block."""
-
-    total: NDArray[np.uint32]
-    square_total: NDArray[np.uint32]
-    low: NDArray[np.uint8]
-    high: NDArray[np.uint8]
-    blocked: NDArray[np.bool_]
-
-
 def split(gray: NDArray[np.uint8], edges: NDArray[np.bool_], settings: SplitAndMerge) -> Quadtree:
     """Split the image until every block is homogeneous: no edge pixel inside, small grey deviation and range.
 
@@ -102,77 +91,88 @@ def split(gray: NDArray[np.uint8], edges: NDArray[np.bool_], settings: SplitAndM
     Returns:
         The leaves, largest first. Single pixels are always leaves where nothing larger is homogeneous.
     """
-    levels = _pyramid(gray, edges, settings.root_size_px)
-    shape = levels[-1].total.shape
-    leaf_of_block = np.full(shape, -1, np.int32)
-    found: list[tuple[NDArray[np.intp], NDArray[np.intp], int]] = []
-    count = 0
-    for depth in range(len(levels) - 1, -1, -1):
-        level = levels[depth]
-        is_leaf = leaf_of_block < 0
-        if depth:
-            is_leaf &= _homogeneous(level, 4**depth, settings)
-        else:
-            is_leaf[gray.shape[0] :] = is_leaf[:, gray.shape[1] :] = False
-        rows, columns = np.nonzero(is_leaf)
-        leaf_of_block[rows, columns] = np.arange(count, count + len(rows), dtype=np.int32)
-        count += len(rows)
-        found.append((rows, columns, depth))
-        if depth:
-            leaf_of_block = leaf_of_block.repeat(2, axis=0).repeat(2, axis=1)
-    return _gather(levels, found, np.ascontiguousarray(leaf_of_block[: gray.shape[0], : gray.shape[1]]))
-
-
-def _pyramid(gray: NDArray[np.uint8], edges: NDArray[np.bool_], root_size: int) -> list[_Level]:
-    """Block sums of all levels, single pixels first; whatever lies outside the image is blocked."""
-    height, width = gray.shape
-    padding = ((0, -height % root_size), (0, -width % root_size))
-    grey = np.pad(gray, padding)
-    wide = grey.astype(np.uint32)
-    level = _Level(wide, wide * wide, grey, grey, np.pad(edges, padding, constant_values=True))
-    levels = [level]
-    while level.total.size and len(levels) <= root_size.bit_length() - 1:
-        level = _Level(
-            _quarters(level.total, np.add),
-            _quarters(level.square_total, np.add),
-            _quarters(level.low, np.minimum),
-            _quarters(level.high, np.maximum),
-            _quarters(level.blocked, np.logical_or),
-        )
-        levels.append(level)
-    return levels
-
-
-def _quarters(a: NDArray, combine: np.ufunc) -> NDArray:
-    """Combine the four children of each block."""
-    rows = combine(a[::2], a[1::2])
-    return np.asarray(combine(rows[:, ::2], rows[:, 1::2]))
-
-
-def _homogeneous(level: _Level, area: int, settings: SplitAndMerge) -> NDArray[np.bool_]:
-    """Blocks without edge pixels whose grey deviation and range stay below the thresholds."""
-    mean = level.total / area
-    variance = level.square_total / area - mean * mean
-    grey_range = level.high - level.low
-    small = (variance <= settings.max_deviation**2) & (grey_range <= settings.max_range)
-    return np.asarray(small & ~level.blocked)
-
-
-def _gather(
-    levels: list[_Level], found: list[tuple[NDArray[np.intp], NDArray[np.intp], int]], leaf_of_pixel: Labels
-) -> Quadtree:
-    """The leaves of all levels in one table."""
-    return Quadtree(
-        leaf_of_pixel=leaf_of_pixel,
-        x=np.concatenate([columns << depth for _, columns, depth in found]).astype(np.int32),
-        y=np.concatenate([rows << depth for rows, _, depth in found]).astype(np.int32),
-        size=np.concatenate([np.full(len(rows), 1 << depth, np.int32) for rows, _, depth in found]),
-        is_edge=np.concatenate([levels[depth].blocked[rows, columns] for rows, columns, depth in found]),
-        grey_sum=np.concatenate([levels[depth].total[rows, columns] for rows, columns, depth in found]).astype(float),
-        grey_square_sum=np.concatenate(
-            [levels[depth].square_total[rows, columns] for rows, columns, depth in found]
-        ).astype(float),
+    leaf_of_pixel, *of_leaf = _split(
+        np.ascontiguousarray(gray),
+        np.ascontiguousarray(edges),
+        settings.root_size_px.bit_length() - 1,
+        float(settings.max_deviation**2),
+        float(settings.max_range),
     )
+    return Quadtree(leaf_of_pixel, *of_leaf)
+
+
+@njit(cache=True)
+def _split(gray, edges, depth, max_variance, max_range):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """The arrays of the :class:`Quadtree` whose largest blocks have the side 2 ** ``depth``."""
+    height, width = gray.shape
+    leaf_of_pixel = np.full((height, width), -1, np.int32)
+    # Blocks that reach over the image are never whole, so that only those inside need to be looked at.
+    sums = [_quarter_pixels(gray, edges)]
+    for _ in range(1, depth):
+        sums.append(_quarter(sums[-1]))
+    x, y, size = np.empty(gray.size, np.int32), np.empty(gray.size, np.int32), np.empty(gray.size, np.int32)
+    total, square_total = np.empty(gray.size), np.empty(gray.size)
+    n = 0
+    for level in range(depth, 0, -1):
+        side = 1 << level
+        blocks = sums[level - 1]
+        for row in range(blocks.shape[0]):
+            for column in range(blocks.shape[1]):
+                if leaf_of_pixel[row * side, column * side] >= 0:
+                    continue
+                block = blocks[row, column]
+                mean = block[0] / (side * side)
+                if block[3] - block[2] > max_range or block[1] / (side * side) - mean * mean > max_variance:
+                    continue
+                leaf_of_pixel[row * side : (row + 1) * side, column * side : (column + 1) * side] = n
+                x[n], y[n], size[n], total[n], square_total[n] = column * side, row * side, side, block[0], block[1]
+                n += 1
+    whole = n
+    for row in range(height):
+        for column in range(width):
+            if leaf_of_pixel[row, column] < 0:
+                leaf_of_pixel[row, column] = n
+                grey = float(gray[row, column])
+                x[n], y[n], size[n], total[n], square_total[n] = column, row, 1, grey, grey * grey
+                n += 1
+    is_edge = np.zeros(n, np.bool_)
+    for leaf in range(whole, n):
+        is_edge[leaf] = edges[y[leaf], x[leaf]]
+    return leaf_of_pixel, x[:n].copy(), y[:n].copy(), size[:n].copy(), is_edge, total[:n].copy(), square_total[:n].copy()
+
+
+@njit(cache=True)
+def _quarter_pixels(gray, edges):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """(H / 2, W / 2, 4) sum, sum of squares, least and greatest grey of blocks of four pixels.
+
+    A block with an edge pixel has the greatest grey infinity, so that no such block is homogeneous.
+    """
+    blocks = np.empty((gray.shape[0] // 2, gray.shape[1] // 2, 4))
+    for row in range(blocks.shape[0]):
+        for column in range(blocks.shape[1]):
+            v, u = 2 * row, 2 * column
+            a, b, c, d = int(gray[v, u]), int(gray[v, u + 1]), int(gray[v + 1, u]), int(gray[v + 1, u + 1])
+            blocked = edges[v, u] | edges[v, u + 1] | edges[v + 1, u] | edges[v + 1, u + 1]
+            blocks[row, column, 0] = a + b + c + d
+            blocks[row, column, 1] = a * a + b * b + c * c + d * d
+            blocks[row, column, 2] = min(min(a, b), min(c, d))
+            blocks[row, column, 3] = np.inf if blocked else max(max(a, b), max(c, d))
+    return blocks
+
+
+@njit(cache=True)
+def _quarter(blocks):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """The same sums over four blocks each."""
+    quarters = np.empty((blocks.shape[0] // 2, blocks.shape[1] // 2, 4))
+    for row in range(quarters.shape[0]):
+        for column in range(quarters.shape[1]):
+            a, b = blocks[2 * row, 2 * column], blocks[2 * row, 2 * column + 1]
+            c, d = blocks[2 * row + 1, 2 * column], blocks[2 * row + 1, 2 * column + 1]
+            quarters[row, column, 0] = a[0] + b[0] + c[0] + d[0]
+            quarters[row, column, 1] = a[1] + b[1] + c[1] + d[1]
+            quarters[row, column, 2] = min(min(a[2], b[2]), min(c[2], d[2]))
+            quarters[row, column, 3] = max(max(a[3], b[3]), max(c[3], d[3]))
+    return quarters
 
 
 def merge(tree: Quadtree, settings: SplitAndMerge) -> Labels:
@@ -186,40 +186,51 @@ def merge(tree: Quadtree, settings: SplitAndMerge) -> Labels:
     Returns:
         (N,) label of each leaf: ``BOUNDARY``, or 1, 2, ... in the order of the leaves.
     """
-    first, second = _neighbour_pairs(tree)
     area = tree.size.astype(float) ** 2
-    mean = tree.grey_sum / area
-    step = np.abs(mean[first] - mean[second])
-    # 1/64 grey level is finer than any threshold, and 16-bit keys sort in linear time.
-    order = np.argsort((step * 64).astype(np.uint16), kind="stable")
-    root = np.arange(len(tree), dtype=np.int32)
-    similar = np.searchsorted(step[order], settings.max_step + 1 / 64)
-    _unite(
-        root,
-        first[order],
-        second[order],
-        area,
-        tree.grey_sum.copy(),
+    mean = np.where(tree.is_edge, np.nan, tree.grey_sum / area)
+    first, second, similar = _neighbour_pairs(tree.leaf_of_pixel, mean, float(settings.max_step))
+    root = _unite(
+        first,
+        second,
         similar,
-        settings.max_contrast,
-        settings.min_area_px,
+        area.copy(),
+        tree.grey_sum.copy(),
+        float(settings.max_contrast),
+        float(settings.min_area_px),
     )
     return _number_regions(tree, root, settings.min_area_px)
 
 
-def _neighbour_pairs(tree: Quadtree) -> tuple[Labels, Labels]:
-    """Pairs of leaves that share a side, neither of them an edge pixel (a pair may be repeated)."""
-    leaf = tree.leaf_of_pixel
-    free = ~tree.is_edge[leaf]
-    firsts, seconds = [], []
-    for a, b, open_side in (
-        (leaf[:, :-1], leaf[:, 1:], free[:, :-1] & free[:, 1:]),
-        (leaf[:-1], leaf[1:], free[:-1] & free[1:]),
-    ):
-        apart = (a != b) & open_side
-        firsts.append(a[apart])
-        seconds.append(b[apart])
-    return np.concatenate(firsts), np.concatenate(seconds)
+@njit(cache=True)
+def _neighbour_pairs(leaf, mean, max_step):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Pairs of leaves that share a side, sorted by the step between their means, and how many have a small step.
+
+    A pair is repeated for each pixel of the side. Leaves whose mean is NaN have no neighbours. The sort counts
+    steps in units of 1 / 64 grey level, finer than any threshold, and leaves equal steps in the order of the image.
+    """
+    height, width = leaf.shape
+    first, second = np.empty(2 * leaf.size, np.int32), np.empty(2 * leaf.size, np.int32)
+    key = np.empty(2 * leaf.size, np.uint16)
+    after = np.zeros(256 * 64 + 1, np.int64)
+    n = 0
+    for dy, dx in ((0, 1), (1, 0)):
+        for y in range(height - dy):
+            for x in range(width - dx):
+                a, b = leaf[y, x], leaf[y + dy, x + dx]
+                if a != b:
+                    step = abs(mean[a] - mean[b])
+                    if step >= 0:
+                        first[n], second[n], key[n] = a, b, int(step * 64)
+                        after[key[n] + 1] += 1
+                        n += 1
+    after = np.cumsum(after)
+    similar = after[min(int(max_step * 64) + 1, len(after) - 1)]
+    sorted_first, sorted_second = np.empty(n, np.int32), np.empty(n, np.int32)
+    for i in range(n):
+        place = after[key[i]]
+        sorted_first[place], sorted_second[place] = first[i], second[i]
+        after[key[i]] += 1
+    return sorted_first, sorted_second, similar
 
 
 @njit(cache=True)
@@ -232,9 +243,12 @@ def _find(root, i):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _unite(root, first, second, area, total, similar, max_contrast, min_area):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Union-find over the pairs in order: the first ``similar`` ones by contrast, then all by lack of area."""
-    area = area.copy()
+def _unite(first, second, similar, area, total, max_contrast, min_area):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Root (N,) of each leaf by union-find over the pairs in order; ``area`` and ``total`` become those of the roots.
+
+    The first ``similar`` pairs join by contrast, then all by lack of area.
+    """
+    root = np.arange(len(area)).astype(np.int32)
     for pass_ in range(2):
         for k in range(similar if pass_ == 0 else len(first)):
             a, b = _find(root, first[k]), _find(root, second[k])
@@ -252,6 +266,7 @@ def _unite(root, first, second, area, total, similar, max_contrast, min_area):  
                 total[a] += total[b]
     for i in range(len(root)):
         root[i] = _find(root, i)
+    return root
 
 
 def _number_regions(tree: Quadtree, root: Labels, min_area: int) -> Labels:
