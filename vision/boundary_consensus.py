@@ -72,11 +72,31 @@ def _count(conic, x, y, outwards_x, outwards_y, tolerance):  # type: ignore[no-u
 def explained(conics, counts, points, outwards, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Which points lie on one of the conics (M, 3, 3) that was found with about as many points (M,), or more."""
     known = np.zeros(len(points), np.bool_)
+    if len(points) == 0:
+        return known
+    first, last = points[0].copy(), points[0].copy()
+    for i in range(len(points)):
+        for j in range(2):
+            first[j], last[j] = min(first[j], points[i, j]), max(last[j], points[i, j])
     for k in range(len(conics)):
+        if not _may_meet(conics[k], first - 4 * tolerance, last + 4 * tolerance):
+            continue
         on_conic = agree(conics[k], points, outwards, tolerance)
         if counts[k] >= 0.9 * np.count_nonzero(on_conic):
             known |= on_conic
     return known
+
+
+@njit(cache=True)
+def _may_meet(conic, first, last):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Whether the bounding box of an ellipse (3, 3) meets the box between two corners (2,)."""
+    determinant = conic[0, 0] * conic[1, 1] - conic[0, 1] ** 2
+    centre_x = (conic[0, 1] * conic[1, 2] - conic[1, 1] * conic[0, 2]) / determinant
+    centre_y = (conic[0, 1] * conic[0, 2] - conic[0, 0] * conic[1, 2]) / determinant
+    size = -(conic[2, 2] + conic[0, 2] * centre_x + conic[1, 2] * centre_y) / determinant
+    reach_x, reach_y = np.sqrt(size * conic[1, 1]), np.sqrt(size * conic[0, 0])
+    meets_x = centre_x - reach_x <= last[0] and centre_x + reach_x >= first[0]
+    return meets_x and centre_y - reach_y <= last[1] and centre_y + reach_y >= first[1]
 
 
 @njit(cache=True)

@@ -49,64 +49,62 @@ def trace_contours(labels: NDArray[np.int32], wanted: NDArray[np.bool_]) -> Cont
 def _trace(labels, wanted):  # type: ignore[no-untyped-def]  # pragma: no cover
     """The arrays of :class:`Contours`."""
     height, width = labels.shape
-    # With a margin that no region has, and in one row: neighbours are then found by one addition, unchecked.
-    stride = width + 2
-    padded = np.full((height + 2, stride), -1, labels.dtype)
-    padded[1:-1, 1:-1] = labels
-    flat = padded.ravel()
-    marks = np.zeros(len(flat), np.int8)
-    steps = _STEPS[:, 1] * stride + _STEPS[:, 0]
-    chain = np.empty(4096, np.int64)
+    marks = np.zeros(labels.shape, np.int8)
+    chain = np.empty((4096, 2), np.int32)
     ends, of_region, is_hole = [0], [labels[0, 0]], [False]
-    for y in range(1, height + 1):
-        for i in range(y * stride + 1, y * stride + 1 + width):
-            label = flat[i]
-            starts_outer, starts_hole = flat[i - 1] != label, flat[i + 1] != label
+    for y in range(height):
+        for x in range(width):
+            label = labels[y, x]
+            starts_outer = x == 0 or labels[y, x - 1] != label
+            starts_hole = x == width - 1 or labels[y, x + 1] != label
             if not (starts_outer or starts_hole) or not wanted[label]:
                 continue
-            starts_outer &= marks[i] == 0
-            if starts_outer or (starts_hole and marks[i] >= 0):
-                chain, end = _follow(flat, marks, steps, i, not starts_outer, chain, ends[-1])
+            starts_outer &= marks[y, x] == 0
+            if starts_outer or (starts_hole and marks[y, x] >= 0):
+                chain, end = _follow(labels, marks, x, y, not starts_outer, chain, ends[-1])
                 ends.append(end)
                 of_region.append(label)
                 is_hole.append(not starts_outer)
-    points = np.empty((ends[-1], 2), np.int32)
-    for k in range(ends[-1]):
-        points[k, 0], points[k, 1] = chain[k] % stride - 1, chain[k] // stride - 1
     # The lists begin with a dummy, for Numba asks for the type of their elements.
-    return points, np.array(ends), np.array(of_region)[1:], np.array(is_hole)[1:]
+    return chain[: ends[-1]].copy(), np.array(ends), np.array(of_region)[1:], np.array(is_hole)[1:]
 
 
 @njit(cache=True)
-def _follow(flat, marks, steps, first, is_hole, chain, n):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _follow(labels, marks, x, y, is_hole, chain, n):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Follow one contour from its first pixel, from place ``n`` on in ``chain``: this, or a longer one, and the end."""
-    label = flat[first]
+    label = labels[y, x]
     stop = direction = 0 if is_hole else 4
     while True:
         direction = (direction - 1) & 7
-        last = first + steps[direction]
-        alone = flat[last] != label
+        last_x, last_y = x + _STEPS[direction, 0], y + _STEPS[direction, 1]
+        alone = not _is(labels, last_x, last_y, label)
         if not alone or direction == stop:
             break
-    at = first
+    at_x, at_y = x, y
     while True:
         if n == len(chain):
             chain = np.concatenate((chain, np.empty_like(chain)))
-        chain[n] = at
+        chain[n, 0], chain[n, 1] = at_x, at_y
         n += 1
         if alone:
-            marks[first] = _SEEN_WITH_RIGHT_SIDE
+            marks[y, x] = _SEEN_WITH_RIGHT_SIDE
             return chain, n
         while True:
             direction += 1
-            after = at + steps[direction & 7]
-            if flat[after] == label:
+            next_x, next_y = at_x + _STEPS[direction & 7, 0], at_y + _STEPS[direction & 7, 1]
+            if _is(labels, next_x, next_y, label):
                 break
         if direction > 8:  # passed the neighbour to the right, which is none of the region's
-            marks[at] = _SEEN_WITH_RIGHT_SIDE
-        elif marks[at] == 0:
-            marks[at] = _SEEN
-        if after == first and at == last:
+            marks[at_y, at_x] = _SEEN_WITH_RIGHT_SIDE
+        elif marks[at_y, at_x] == 0:
+            marks[at_y, at_x] = _SEEN
+        if next_x == x and next_y == y and at_x == last_x and at_y == last_y:
             return chain, n
-        at = after
+        at_x, at_y = next_x, next_y
         direction = (direction + 4) & 7
+
+
+@njit(cache=True)
+def _is(labels, x, y, label):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Whether a pixel lies in the image and has this label."""
+    return 0 <= x < labels.shape[1] and 0 <= y < labels.shape[0] and labels[y, x] == label

@@ -1,4 +1,4 @@
-"""Split and merge over a quadtree (Section 5.1): homogeneous blocks without edge pixels, grown into regions."""
+"""The split of split and merge (Section 5.1): a quadtree of homogeneous blocks without edge pixels."""
 
 from __future__ import annotations
 
@@ -12,10 +12,6 @@ from vision.errors import InputError
 
 Labels = NDArray[np.int32]
 
-BOUNDARY = 0
-"""Label of the pixels that belong to no region: edge pixels, and specks too small to be regions."""
-
-
 @dataclass(frozen=True)
 class SplitAndMerge:
     """What counts as homogeneous and as similar, in grey levels.
@@ -26,7 +22,7 @@ class SplitAndMerge:
         max_step: largest difference of the means of two neighbouring blocks that may be merged.
         max_contrast: largest difference of the means of two regions that may be merged.
         min_area_px: smaller regions go to the most similar neighbour that no edge separates them from.
-        root_size_px: side of the largest blocks; a power of two.
+        root_size_px: side of the largest blocks; a power of two, at most 256.
     """
 
     max_deviation: float = 6.0
@@ -40,8 +36,9 @@ class SplitAndMerge:
         thresholds = (self.max_deviation, self.max_range, self.max_step, self.max_contrast, self.min_area_px)
         if not all(t >= 0 for t in thresholds):
             raise InputError("split-and-merge thresholds", got=thresholds, expected="numbers >= 0")
-        if self.root_size_px < 1 or self.root_size_px & (self.root_size_px - 1):
-            raise InputError("root_size_px", got=self.root_size_px, expected="a power of two")
+        # Sums over larger blocks would not fit into 32 bits.
+        if not 1 <= self.root_size_px <= 256 or self.root_size_px & (self.root_size_px - 1):
+            raise InputError("root_size_px", got=self.root_size_px, expected="a power of two, at most 256")
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,47 +104,82 @@ def _split(gray, edges, depth, max_variance, max_range):  # type: ignore[no-unty
     height, width = gray.shape
     leaf_of_pixel = np.full((height, width), -1, np.int32)
     # Blocks that reach over the image are never whole, so that only those inside need to be looked at.
-    sums = [_quarter_pixels(gray, edges)]
+    levels = [_quarter_pixels(gray, edges)]
     for _ in range(1, depth):
-        sums.append(_quarter(sums[-1]))
-    x, y, size = np.empty(gray.size, np.int32), np.empty(gray.size, np.int32), np.empty(gray.size, np.int32)
-    total, square_total = np.empty(gray.size), np.empty(gray.size)
+        levels.append(_quarter(levels[-1]))
+    found, n = [], 0
+    for level in range(depth, 0, -1):
+        found.append(_uncovered(leaf_of_pixel, levels[level - 1], 1 << level, max_variance, max_range))
+        n = _cover(leaf_of_pixel, found[-1], levels[level - 1].shape[1], 1 << level, n)
+    found.append(_negative(leaf_of_pixel.ravel()))
+    larger = n
+    n = _cover(leaf_of_pixel, found[-1], width, 1, n)
+    # In arrays of just this length: fresh memory costs more than what is written to it.
+    x, y, size = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
+    is_edge, total, square_total = np.zeros(n, np.bool_), np.empty(n), np.empty(n)
     n = 0
     for level in range(depth, 0, -1):
-        side = 1 << level
-        blocks = sums[level - 1]
-        for row in range(blocks.shape[0]):
-            for column in range(blocks.shape[1]):
-                if leaf_of_pixel[row * side, column * side] >= 0:
-                    continue
-                block = blocks[row, column]
-                mean = block[0] / (side * side)
-                if block[3] - block[2] > max_range or block[1] / (side * side) - mean * mean > max_variance:
-                    continue
-                leaf_of_pixel[row * side : (row + 1) * side, column * side : (column + 1) * side] = n
-                x[n], y[n], size[n], total[n], square_total[n] = column * side, row * side, side, block[0], block[1]
-                n += 1
-    whole = n
-    for row in range(height):
-        for column in range(width):
-            if leaf_of_pixel[row, column] < 0:
-                leaf_of_pixel[row, column] = n
-                grey = float(gray[row, column])
-                x[n], y[n], size[n], total[n], square_total[n] = column, row, 1, grey, grey * grey
-                n += 1
-    is_edge = np.zeros(n, np.bool_)
-    for leaf in range(whole, n):
-        is_edge[leaf] = edges[y[leaf], x[leaf]]
-    return leaf_of_pixel, x[:n].copy(), y[:n].copy(), size[:n].copy(), is_edge, total[:n].copy(), square_total[:n].copy()
+        side, blocks = 1 << level, levels[level - 1]
+        for block in found[depth - level]:
+            row, column = block // blocks.shape[1], block % blocks.shape[1]
+            x[n], y[n], size[n] = column * side, row * side, side
+            total[n], square_total[n] = blocks[row, column, 0], blocks[row, column, 1]
+            n += 1
+    for pixel in found[depth]:
+        row, column = pixel // width, pixel % width
+        grey = float(gray[row, column])
+        x[n], y[n], size[n], total[n], square_total[n] = column, row, 1, grey, grey * grey
+        is_edge[n] = edges[row, column]
+        n += 1
+    return leaf_of_pixel, x, y, size, is_edge, total, square_total
+
+
+@njit(cache=True)
+def _uncovered(leaf_of_pixel, blocks, side, max_variance, max_range):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Numbers of the homogeneous blocks of one size that lie in no leaf yet, row by row."""
+    found = np.empty(blocks.shape[0] * blocks.shape[1] + 1, np.int32)
+    n = 0
+    for row in range(blocks.shape[0]):
+        for column in range(blocks.shape[1]):
+            mean = blocks[row, column, 0] / (side * side)
+            variance = blocks[row, column, 1] / (side * side) - mean * mean
+            is_narrow = blocks[row, column, 3] - blocks[row, column, 2] <= max_range
+            # Written always and counted where it holds: a branch here could not be predicted.
+            found[n] = row * blocks.shape[1] + column
+            n += is_narrow & (variance <= max_variance) & (leaf_of_pixel[row * side, column * side] < 0)
+    return found[:n]
+
+
+@njit(cache=True)
+def _negative(numbers):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Where numbers (N,) are below 0."""
+    found = np.empty(len(numbers) + 1, np.int32)
+    n = 0
+    for i in range(len(numbers)):
+        found[n] = i
+        n += numbers[i] < 0
+    return found[:n]
+
+
+@njit(cache=True)
+def _cover(leaf_of_pixel, blocks, columns, side, n):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Number the pixels of blocks, ``columns`` of which lie in a row, from leaf ``n`` on; the number after these."""
+    for block in blocks:
+        top, left = block // columns * side, block % columns * side
+        for y in range(top, top + side):
+            for x in range(left, left + side):
+                leaf_of_pixel[y, x] = n
+        n += 1
+    return n
 
 
 @njit(cache=True)
 def _quarter_pixels(gray, edges):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """(H / 2, W / 2, 4) sum, sum of squares, least and greatest grey of blocks of four pixels.
+    """(H // 2, W // 2, 4) sum, sum of squares, least and greatest grey of blocks of four pixels.
 
-    A block with an edge pixel has the greatest grey infinity, so that no such block is homogeneous.
+    A block with an edge pixel has the greatest grey 2 ** 30, so that no such block is homogeneous.
     """
-    blocks = np.empty((gray.shape[0] // 2, gray.shape[1] // 2, 4))
+    blocks = np.empty((gray.shape[0] // 2, gray.shape[1] // 2, 4), np.uint32)
     for row in range(blocks.shape[0]):
         for column in range(blocks.shape[1]):
             v, u = 2 * row, 2 * column
@@ -156,124 +188,23 @@ def _quarter_pixels(gray, edges):  # type: ignore[no-untyped-def]  # pragma: no 
             blocks[row, column, 0] = a + b + c + d
             blocks[row, column, 1] = a * a + b * b + c * c + d * d
             blocks[row, column, 2] = min(min(a, b), min(c, d))
-            blocks[row, column, 3] = np.inf if blocked else max(max(a, b), max(c, d))
+            blocks[row, column, 3] = 2**30 if blocked else max(max(a, b), max(c, d))
     return blocks
 
 
 @njit(cache=True)
 def _quarter(blocks):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """The same sums over four blocks each."""
-    quarters = np.empty((blocks.shape[0] // 2, blocks.shape[1] // 2, 4))
+    """The same over four blocks each."""
+    quarters = np.empty((blocks.shape[0] // 2, blocks.shape[1] // 2, 4), blocks.dtype)
     for row in range(quarters.shape[0]):
         for column in range(quarters.shape[1]):
-            a, b = blocks[2 * row, 2 * column], blocks[2 * row, 2 * column + 1]
-            c, d = blocks[2 * row + 1, 2 * column], blocks[2 * row + 1, 2 * column + 1]
-            quarters[row, column, 0] = a[0] + b[0] + c[0] + d[0]
-            quarters[row, column, 1] = a[1] + b[1] + c[1] + d[1]
-            quarters[row, column, 2] = min(min(a[2], b[2]), min(c[2], d[2]))
-            quarters[row, column, 3] = max(max(a[3], b[3]), max(c[3], d[3]))
+            v, u = 2 * row, 2 * column
+            for k in range(4):
+                a, b, c, d = blocks[v, u, k], blocks[v, u + 1, k], blocks[v + 1, u, k], blocks[v + 1, u + 1, k]
+                if k < 2:
+                    quarters[row, column, k] = a + b + c + d
+                elif k == 2:
+                    quarters[row, column, k] = min(min(a, b), min(c, d))
+                else:
+                    quarters[row, column, k] = max(max(a, b), max(c, d))
     return quarters
-
-
-def merge(tree: Quadtree, settings: SplitAndMerge) -> Labels:
-    """Merge neighbouring leaves of similar grey into regions, the most similar pair first.
-
-    Two leaves are neighbours when they share a side (edges are 8-connected, so that sharing a corner would let
-    a region slip through a diagonal edge) and neither is an edge pixel. Their regions merge while the means of
-    both the leaves and the regions are close. What is left smaller than ``min_area_px`` joins its most similar
-    neighbour, if an edge does not enclose it.
-
-    Returns:
-        (N,) label of each leaf: ``BOUNDARY``, or 1, 2, ... in the order of the leaves.
-    """
-    area = tree.size.astype(float) ** 2
-    mean = np.where(tree.is_edge, np.nan, tree.grey_sum / area)
-    first, second, similar = _neighbour_pairs(tree.leaf_of_pixel, mean, float(settings.max_step))
-    root = _unite(
-        first,
-        second,
-        similar,
-        area.copy(),
-        tree.grey_sum.copy(),
-        float(settings.max_contrast),
-        float(settings.min_area_px),
-    )
-    return _number_regions(tree, root, settings.min_area_px)
-
-
-@njit(cache=True)
-def _neighbour_pairs(leaf, mean, max_step):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Pairs of leaves that share a side, sorted by the step between their means, and how many have a small step.
-
-    A pair is repeated for each pixel of the side. Leaves whose mean is NaN have no neighbours. The sort counts
-    steps in units of 1 / 64 grey level, finer than any threshold, and leaves equal steps in the order of the image.
-    """
-    height, width = leaf.shape
-    first, second = np.empty(2 * leaf.size, np.int32), np.empty(2 * leaf.size, np.int32)
-    key = np.empty(2 * leaf.size, np.uint16)
-    after = np.zeros(256 * 64 + 1, np.int64)
-    n = 0
-    for dy, dx in ((0, 1), (1, 0)):
-        for y in range(height - dy):
-            for x in range(width - dx):
-                a, b = leaf[y, x], leaf[y + dy, x + dx]
-                if a != b:
-                    step = abs(mean[a] - mean[b])
-                    if step >= 0:
-                        first[n], second[n], key[n] = a, b, int(step * 64)
-                        after[key[n] + 1] += 1
-                        n += 1
-    after = np.cumsum(after)
-    similar = after[min(int(max_step * 64) + 1, len(after) - 1)]
-    sorted_first, sorted_second = np.empty(n, np.int32), np.empty(n, np.int32)
-    for i in range(n):
-        place = after[key[i]]
-        sorted_first[place], sorted_second[place] = first[i], second[i]
-        after[key[i]] += 1
-    return sorted_first, sorted_second, similar
-
-
-@njit(cache=True)
-def _find(root, i):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Root of a leaf, halving the path on the way."""
-    while root[i] != i:
-        root[i] = root[root[i]]
-        i = root[i]
-    return i
-
-
-@njit(cache=True)
-def _unite(first, second, similar, area, total, max_contrast, min_area):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Root (N,) of each leaf by union-find over the pairs in order; ``area`` and ``total`` become those of the roots.
-
-    The first ``similar`` pairs join by contrast, then all by lack of area.
-    """
-    root = np.arange(len(area)).astype(np.int32)
-    for pass_ in range(2):
-        for k in range(similar if pass_ == 0 else len(first)):
-            a, b = _find(root, first[k]), _find(root, second[k])
-            if a == b:
-                continue
-            if pass_ == 0:
-                join = abs(total[a] / area[a] - total[b] / area[b]) <= max_contrast
-            else:
-                join = min(area[a], area[b]) < min_area
-            if join:
-                if area[a] < area[b]:
-                    a, b = b, a
-                root[b] = a
-                area[a] += area[b]
-                total[a] += total[b]
-    for i in range(len(root)):
-        root[i] = _find(root, i)
-    return root
-
-
-def _number_regions(tree: Quadtree, root: Labels, min_area: int) -> Labels:
-    """Consecutive labels for the regions that are large enough."""
-    area = np.bincount(root, weights=tree.size.astype(float) ** 2, minlength=len(root))
-    # An image smaller than the smallest region is still one.
-    enough = max(min(min_area, tree.leaf_of_pixel.size), 1)
-    is_region = (area >= enough) & ~tree.is_edge
-    label_of_root = np.where(is_region, np.cumsum(is_region), BOUNDARY).astype(np.int32)
-    return np.asarray(label_of_root[root], dtype=np.int32)

@@ -69,15 +69,13 @@ def _refine(pixels, ends, is_hole, dx, dy, min_gradient, spacing):  # type: igno
     """The arrays of :class:`Boundaries` of contours that lie in ``pixels`` as these do."""
     points, outwards = np.empty((len(pixels), 2)), np.empty((len(pixels), 2))
     new_ends = np.zeros_like(ends)
-    profile = np.empty(len(_PROFILE))
     n = 0
     for k in range(len(is_hole)):
         contour = pixels[ends[k] : ends[k + 1]]
         normals = _normals(contour, is_hole[k], spacing)
         for i in range(len(normals)):
             x, y = float(contour[i * spacing, 0]), float(contour[i * spacing, 1])
-            _read_profile(x, y, normals[i], dx, dy, profile)
-            offset = _peak(profile, min_gradient)
+            offset = _innermost_peak(x, y, normals[i], dx, dy, min_gradient)
             if np.isfinite(offset):
                 points[n, 0], points[n, 1] = x + offset * normals[i, 0], y + offset * normals[i, 1]
                 outwards[n] = -normals[i] if is_hole[k] else normals[i]
@@ -107,22 +105,33 @@ def _normals(contour, is_hole, spacing):  # type: ignore[no-untyped-def]  # prag
 
 
 @njit(cache=True)
-def _read_profile(start_x, start_y, normal, dx, dy, profile):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Write the size of the gradient along the normal to ``profile``, by cubic interpolation; 0 at the border."""
-    height, width = dx.shape
+def _innermost_peak(x, y, normal, dx, dy, min_gradient):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Offset along a normal from (x, y) of the first peak of the gradient that is large enough; NaN without one."""
+    before, here = 0.0, 0.0
     for k in range(len(_PROFILE)):
-        profile[k] = 0.0
-        x, y = start_x + _PROFILE[k] * normal[0], start_y + _PROFILE[k] * normal[1]
-        left, top = int(np.floor(x)) - 1, int(np.floor(y)) - 1
-        if left < 0 or top < 0 or left + 3 >= width or top + 3 >= height:
-            continue
-        by_x, by_y = _cubic_weights(x - left - 1), _cubic_weights(y - top - 1)
-        value = 0.0
-        for v in range(4):
-            for u in range(4):
-                across = dx[top + v, left + u] * normal[0] + dy[top + v, left + u] * normal[1]
-                value += by_y[v] * by_x[u] * across
-        profile[k] = abs(value)
+        after = _slope_across(x + _PROFILE[k] * normal[0], y + _PROFILE[k] * normal[1], normal, dx, dy)
+        if k >= 2 and here >= before and here > after and here >= min_gradient:
+            a, b, c = np.log(max(before, 1.0)), np.log(max(here, 1.0)), np.log(max(after, 1.0))
+            curvature = max(2 * b - a - c, 1e-9)
+            return _PROFILE[k - 1] + min(max((c - a) / (2 * curvature), -0.5), 0.5)
+        before, here = here, after
+    return np.nan
+
+
+@njit(cache=True)
+def _slope_across(x, y, normal, dx, dy):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Size of the gradient along a normal at (x, y), by cubic interpolation; 0 at the image border."""
+    height, width = dx.shape
+    left, top = int(np.floor(x)) - 1, int(np.floor(y)) - 1
+    if left < 0 or top < 0 or left + 3 >= width or top + 3 >= height:
+        return 0.0
+    by_x, by_y = _cubic_weights(x - left - 1), _cubic_weights(y - top - 1)
+    value = 0.0
+    for v in range(4):
+        for u in range(4):
+            across = dx[top + v, left + u] * normal[0] + dy[top + v, left + u] * normal[1]
+            value += by_y[v] * by_x[u] * across
+    return abs(value)
 
 
 @njit(cache=True)
@@ -134,18 +143,3 @@ def _cubic_weights(t):  # type: ignore[no-untyped-def]  # pragma: no cover
         ((4 - 3 * t) * t + 1) * t / 2,
         (t - 1) * t * t / 2,
     )
-
-
-@njit(cache=True)
-def _peak(profile, min_gradient):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Offset of the innermost peak of a profile; NaN where there is none."""
-    for k in range(1, len(profile) - 1):
-        if profile[k] >= profile[k - 1] and profile[k] > profile[k + 1] and profile[k] >= min_gradient:
-            before, peak, after = (
-                np.log(max(profile[k - 1], 1.0)),
-                np.log(max(profile[k], 1.0)),
-                np.log(max(profile[k + 1], 1.0)),
-            )
-            curvature = max(2 * peak - before - after, 1e-9)
-            return _PROFILE[k] + min(max((after - before) / (2 * curvature), -0.5), 0.5)
-    return np.nan

@@ -14,8 +14,9 @@ from vision.contour_tracing import trace_contours
 from vision.edge_linking import link_edges
 from vision.errors import InputError
 from vision.features import RegionAttributes
-from vision.quadtree import BOUNDARY, Labels, Quadtree, SplitAndMerge, merge, split
+from vision.quadtree import Labels, Quadtree, SplitAndMerge, split
 from vision.region_attributes import AttributeConstraints, Contour, measure_shape
+from vision.region_merging import BOUNDARY, merge
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class Segmentation:
     """An image divided into regions and the boundaries between them.
 
     Attributes:
-        labels: (H, W) int32, the label of each pixel's region, or ``quadtree.BOUNDARY`` on edge pixels and on
+        labels: (H, W) int32, the label of each pixel's region, or ``region_merging.BOUNDARY`` on edge pixels and on
             specks too small to be a region; read-only. Edge pixels stay boundary, for they belong to both sides.
         tree: the quadtree, its leaves in the order that regions refer to.
         leaf_labels: (N,) int32 label of each leaf; read-only.
@@ -144,7 +145,7 @@ def segment(gray: NDArray[np.uint8], settings: RegionGrowing | None = None) -> S
     edges = link_edges(canny(gray, settings), settings.gap_px)
     tree = split(gray, edges, settings.split_and_merge)
     leaf_labels = merge(tree, settings.split_and_merge)
-    return Segmentation(leaf_labels[tree.leaf_of_pixel], tree, leaf_labels, edges)
+    return Segmentation(leaf_labels.take(tree.leaf_of_pixel), tree, leaf_labels, edges)
 
 
 def check_gray(gray: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -167,7 +168,7 @@ def check_gray(gray: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def gradient(gray: NDArray[np.uint8], blur_px: float) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     """Gradient (H, W) along x and y of the blurred image, in 1/32 grey level per pixel."""
     # Blurring 8 bits rounds to whole levels; four times the levels in 16 bits keep smooth ramps smooth.
-    blurred = cv2.GaussianBlur(gray.astype(np.int16) * 4, (0, 0), blur_px)
+    blurred = cv2.GaussianBlur(np.multiply(gray, 4, dtype=np.int16), (0, 0), blur_px)
     return cv2.Sobel(blurred, cv2.CV_16S, 1, 0), cv2.Sobel(blurred, cv2.CV_16S, 0, 1)
 
 
