@@ -109,7 +109,16 @@ def _find(points, outwards, ends, limits):  # type: ignore[no-untyped-def]  # pr
                 n += 1
             left, facing = left[~is_on], facing[~is_on]
     supporting = supporting[: supporting_ends[n]].copy()
-    return p[:n], covariance[:n], geometric[:n], of_boundary[:n], support[:n], rms[:n], supporting, supporting_ends[: n + 1]
+    return (
+        p[:n],
+        covariance[:n],
+        geometric[:n],
+        of_boundary[:n],
+        support[:n],
+        rms[:n],
+        supporting,
+        supporting_ends[: n + 1],
+    )
 
 
 @njit(cache=True)

@@ -71,7 +71,7 @@ def _trace(labels, wanted):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 @njit(cache=True)
 def _follow(labels, marks, x, y, is_hole, chain, n):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Follow one contour from its first pixel, from place ``n`` on in ``chain``: this, or a longer one, and the end."""
+    """Follow one contour from its first pixel into ``chain``, at ``n``: this, or a longer one, and the end."""
     label = labels[y, x]
     stop = direction = 0 if is_hole else 4
     while True:

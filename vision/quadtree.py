@@ -12,6 +12,7 @@ from vision.errors import InputError
 
 Labels = NDArray[np.int32]
 
+
 @dataclass(frozen=True)
 class SplitAndMerge:
     """What counts as homogeneous and as similar, in grey levels.
@@ -112,7 +113,6 @@ def _split(gray, edges, depth, max_variance, max_range):  # type: ignore[no-unty
         found.append(_uncovered(leaf_of_pixel, levels[level - 1], 1 << level, max_variance, max_range))
         n = _cover(leaf_of_pixel, found[-1], levels[level - 1].shape[1], 1 << level, n)
     found.append(_negative(leaf_of_pixel.ravel()))
-    larger = n
     n = _cover(leaf_of_pixel, found[-1], width, 1, n)
     # In arrays of just this length: fresh memory costs more than what is written to it.
     x, y, size = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)

@@ -55,7 +55,7 @@ class AttributeConstraints:
         return all(low <= getattr(attributes, name) <= high for name, (low, high) in self._bounds())
 
     def hold(self, **measured: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which of N things the constraints allow by the attributes that are given, each (N,), whatever the others."""
+        """Which of N things the constraints allow by the attributes given, each (N,), whatever the others are."""
         held = np.ones(np.broadcast_shapes(*(m.shape for m in measured.values())), np.bool_)
         for name, (low, high) in self._bounds():
             if name in measured:

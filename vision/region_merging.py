@@ -91,7 +91,7 @@ def _neighbour_pairs(leaf, mean, max_step):  # type: ignore[no-untyped-def]  # p
 
 @njit(cache=True)
 def _sides(flat, width):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Different leaves on the two sides of neighbouring pixels: all that lie side by side, then one below the other."""
+    """Different leaves of neighbouring pixels: first of all that lie side by side, then one below the other."""
     first, second = np.empty(2 * len(flat) + 1, np.int32), np.empty(2 * len(flat) + 1, np.int32)
     n = 0
     # Written always and counted where it holds: a branch here could not be predicted.

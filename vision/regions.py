@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numba import njit
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vision.boundary_ellipses import Limits, covered, find_ellipses
 from vision.ellipse import Array, Ellipse
 from vision.errors import InputError
-from vision.features import EllipseFeature, RegionAttributes
+from vision.features import EllipseFeature
 from vision.region_attributes import AttributeConstraints
 from vision.region_boundary import refine_boundaries
 from vision.segmentation import Region, RegionGrowing, Segmentation, check_gray, gradient, segment
@@ -106,7 +106,7 @@ def region_ellipses(
     slopes = gradient(gray, growing.blur_px)
     boundaries = refine_boundaries([c[:2] for c in candidates], slopes, 32 * growing.edge_low, _SPACING)
     blur_variance = growing.blur_px**2 + _CAMERA_AND_SOBEL_VARIANCE
-    found = find_ellipses(boundaries, Limits(*astuple(fit), blur_variance=blur_variance, spacing_px=float(_SPACING)))
+    found = find_ellipses(boundaries, Limits(**asdict(fit), blur_variance=blur_variance, spacing_px=float(_SPACING)))
     score = found.support / (1 + (found.rms_px / fit.max_rms_px) ** 2)
     best_first = np.argsort(-score, kind="stable")
     # Sums over a chain of correlated errors vary more than sums over independent ones, by this factor.

@@ -206,7 +206,9 @@ class _Sums:
         )
         left, top, right, bottom = self.box[label].tolist()
         leaves = self.leaves[self.starts[label] : self.starts[label + 1]]
-        return Region(label, attributes, (left, top, right - left, bottom - top), contours[0], tuple(contours[:0:-1]), leaves)
+        return Region(
+            label, attributes, (left, top, right - left, bottom - top), contours[0], tuple(contours[:0:-1]), leaves
+        )
 
 
 def _sum_leaves(leaf_labels: Labels, tree: Quadtree) -> _Sums:
