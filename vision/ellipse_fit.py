@@ -1,4 +1,9 @@
-"""Robust least-squares fit of the ellipse of eq. (3) to edge points, with its covariance."""
+"""Robust least-squares fit of the ellipse of eq. (3) to edge points, with its covariance.
+
+The paper's filter (:mod:`vision.ellipse_filter`) fits groups of short arcs, where a gate decides which points belong
+and where the prior holds what an arc leaves open. Boundaries of regions come by the hundred in every view, long and
+with occluders in them: their fit has Huber's weights, is regular at circles, and runs inside a compiled search.
+"""
 
 from __future__ import annotations
 
