@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from vision.normal_equations import factorise, solve
+
 _STRETCHES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.16)
 """Parts of a boundary that are tried as arcs of one ellipse."""
 
@@ -32,26 +34,69 @@ def agree(conic, points, outwards, tolerance):  # type: ignore[no-untyped-def]  
         (N,) bool.
     """
     on_conic = np.zeros(len(points), np.bool_)
+    terms = _terms(conic)
     for i in range(len(points)):
-        x, y = points[i, 0], points[i, 1]
-        slope_x = conic[0, 0] * x + conic[0, 1] * y + conic[0, 2]
-        slope_y = conic[0, 1] * x + conic[1, 1] * y + conic[1, 2]
-        value = x * slope_x + y * slope_y + conic[0, 2] * x + conic[1, 2] * y + conic[2, 2]
-        steepness = np.hypot(slope_x, slope_y)
-        facing = slope_x * outwards[i, 0] + slope_y * outwards[i, 1]
-        on_conic[i] = abs(value) <= 2 * tolerance * steepness and facing >= _MIN_TURN_COS * steepness
+        on_conic[i] = _lies_on(terms, points[i, 0], points[i, 1], outwards[i, 0], outwards[i, 1], tolerance)
     return on_conic
+
+
+@njit(cache=True)
+def _terms(conic):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """The six different elements of a conic (3, 3), row by row."""
+    return conic[0, 0], conic[0, 1], conic[0, 2], conic[1, 1], conic[1, 2], conic[2, 2]
+
+
+@njit(cache=True, inline="always")
+def _lies_on(terms, x, y, outwards_x, outwards_y, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Whether one point lies on a conic, compared in squares and without branches, so that many run at once."""
+    xx, xy, x1, yy, y1, one = terms
+    slope_x, slope_y = xx * x + xy * y + x1, xy * x + yy * y + y1
+    value = x * slope_x + y * slope_y + x1 * x + y1 * y + one
+    steepness_squared = slope_x * slope_x + slope_y * slope_y
+    facing = slope_x * outwards_x + slope_y * outwards_y
+    is_near = value * value <= 4 * tolerance * tolerance * steepness_squared
+    return is_near & (facing >= 0) & (facing * facing >= _MIN_TURN_COS**2 * steepness_squared)
+
+
+@njit(cache=True)
+def _count(conic, x, y, outwards_x, outwards_y, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """How many points :func:`agree` with a conic; coordinates and normals (N,) each."""
+    count = 0
+    terms = _terms(conic)
+    for i in range(len(x)):
+        count += _lies_on(terms, x[i], y[i], outwards_x[i], outwards_y[i], tolerance)
+    return count
 
 
 @njit(cache=True)
 def explained(conics, counts, points, outwards, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Which points lie on one of the conics (M, 3, 3) that was found with about as many points (M,), or more."""
     known = np.zeros(len(points), np.bool_)
+    if len(points) == 0:
+        return known
+    first, last = points[0].copy(), points[0].copy()
+    for i in range(len(points)):
+        for j in range(2):
+            first[j], last[j] = min(first[j], points[i, j]), max(last[j], points[i, j])
     for k in range(len(conics)):
+        if not _may_meet(conics[k], first - 4 * tolerance, last + 4 * tolerance):
+            continue
         on_conic = agree(conics[k], points, outwards, tolerance)
         if counts[k] >= 0.9 * np.count_nonzero(on_conic):
             known |= on_conic
     return known
+
+
+@njit(cache=True)
+def _may_meet(conic, first, last):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Whether the bounding box of an ellipse (3, 3) meets the box between two corners (2,)."""
+    determinant = conic[0, 0] * conic[1, 1] - conic[0, 1] ** 2
+    centre_x = (conic[0, 1] * conic[1, 2] - conic[1, 1] * conic[0, 2]) / determinant
+    centre_y = (conic[0, 1] * conic[0, 2] - conic[0, 0] * conic[1, 2]) / determinant
+    size = -(conic[2, 2] + conic[0, 2] * centre_x + conic[1, 2] * centre_y) / determinant
+    reach_x, reach_y = np.sqrt(size * conic[1, 1]), np.sqrt(size * conic[0, 0])
+    meets_x = centre_x - reach_x <= last[0] and centre_x + reach_x >= first[0]
+    return meets_x and centre_y - reach_y <= last[1] and centre_y + reach_y >= first[1]
 
 
 @njit(cache=True)
@@ -71,21 +116,23 @@ def best_stretch(points, outwards, tolerance):  # type: ignore[no-untyped-def]  
     shift = np.array([points[:, 0].mean(), points[:, 1].mean()])
     scale = max(np.abs(points - shift).max(), 1e-9)
     unit = (points - shift) / scale
+    x, y = unit[:, 0].copy(), unit[:, 1].copy()
+    outwards_x, outwards_y = outwards[:, 0].copy(), outwards[:, 1].copy()
     sums = _running_sums(unit)
-    best, best_count, on_best = np.zeros(5), 0, np.zeros(n, np.bool_)
+    best, best_conic, best_count = np.zeros(5), np.zeros((3, 3)), 0
     for part in _STRETCHES:
         length = int(part * n)
         if part < 1.0 and length < _MIN_STRETCH:
             break
         for first in range(0, n if part < 1.0 else 1, max(length // 3, 1)):
-            conic = _fit_conic(sums[first + length] - sums[first])
+            conic = _fit_conic(sums[first], sums[first + length])
             ellipse = _geometric(conic)
             if ellipse[3] <= 0:
                 continue
-            on_conic = agree(conic, unit, outwards, tolerance / scale)
-            count = int(np.count_nonzero(on_conic))
+            count = _count(conic, x, y, outwards_x, outwards_y, tolerance / scale)
             if count > best_count:
-                best, best_count, on_best = ellipse, count, on_conic
+                best, best_conic, best_count = ellipse, conic, count
+    on_best = agree(best_conic, unit, outwards, tolerance / scale) if best_count else np.zeros(n, np.bool_)
     best[:4] *= scale
     best[:2] += shift
     return best, on_best
@@ -157,25 +204,38 @@ def part_covered(geometric, points, cells):  # type: ignore[no-untyped-def]  # p
 
 @njit(cache=True)
 def _running_sums(points):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """(2 N + 1, 6, 6) sums of the normal equations over the first points, twice round the boundary.
+    """(2 N + 1, 20) sums of the normal equations over the first points, twice round the boundary.
 
-    The conic is a x² + b xy + c y² + d x + e y + f = 0 with a + c = 1, which leaves five unknowns, linear.
+    The conic is a x² + b xy + c y² + d x + e y + f = 0 with a + c = 1, which leaves five unknowns, linear. The sums
+    are the lower triangle of their normal matrix, row by row, with the right side as its last row.
     """
     n = len(points)
-    sums = np.zeros((2 * n + 1, 6, 6))
+    sums = np.zeros((2 * n + 1, 20))
     row = np.empty(6)
     for i in range(2 * n):
         x, y = points[i % n, 0], points[i % n, 1]
-        row[0], row[1], row[2], row[3], row[4], row[5] = x * x - y * y, x * y, x, y, 1.0, y * y
+        row[0], row[1], row[2], row[3], row[4], row[5] = x * x - y * y, x * y, x, y, 1.0, -y * y
+        at = 0
         for j in range(6):
-            for k in range(6):
-                sums[i + 1, j, k] = sums[i, j, k] + row[j] * row[k]
+            for k in range(min(j + 1, 5)):
+                sums[i + 1, at] = sums[i, at] + row[j] * row[k]
+                at += 1
     return sums
 
 
 @njit(cache=True)
-def _fit_conic(sums):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """The least-squares conic (3, 3) of normal equations as in :func:`_running_sums`."""
-    normal = sums[:5, :5] + 1e-9 * np.eye(5)
-    a, b, d, e, f = np.linalg.solve(normal, -sums[:5, 5].copy())
+def _fit_conic(before, after):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """The least-squares conic (3, 3) of the points between two :func:`_running_sums`; all 0 where there is none."""
+    normal, solution = np.empty((5, 5)), np.empty(5)
+    at = 0
+    for j in range(5):
+        for k in range(j + 1):
+            normal[j, k] = after[at] - before[at]
+            at += 1
+        normal[j, j] += 1e-9
+        solution[j] = after[15 + j] - before[15 + j]
+    if not factorise(normal):
+        return np.zeros((3, 3))
+    solve(normal, solution)
+    a, b, d, e, f = solution
     return np.array([[a, b / 2, d / 2], [b / 2, 1 - a, e / 2], [d / 2, e / 2, f]])

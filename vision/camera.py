@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -147,7 +148,7 @@ class View:
         """The view as a distortion-free lens would have seen it; itself where the lens is free of distortion."""
         if not any(self.camera.distortion):
             return self
-        image = cv2.undistort(np.asarray(self.image), self.camera.matrix, np.array(self.camera.distortion))
+        image = cv2.remap(np.asarray(self.image), *_undistortion_maps(self.camera), cv2.INTER_LINEAR)
         camera = replace(self.camera, distortion=(0.0, 0.0, 0.0, 0.0, 0.0))
         return View(np.asarray(image, dtype=np.uint8), camera, self.T_world_camera, self.name)
 
@@ -157,3 +158,13 @@ def camera_arrays(views: Sequence[View]) -> tuple[Array, Array]:
     T = np.stack([np.linalg.inv(v.T_world_camera.as_matrix()) for v in views])
     intrinsics = np.array([(v.camera.fx, v.camera.fy, v.camera.cx, v.camera.cy) for v in views], dtype=np.float64)
     return T, intrinsics
+
+
+@lru_cache(maxsize=16)
+def _undistortion_maps(camera: Camera) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
+    """Where each pixel of a distortion-free image lies in that of a camera, in the fixed-point form of OpenCV."""
+    K, size = camera.matrix, (camera.width_px, camera.height_px)
+    whole, fraction = cv2.initUndistortRectifyMap(K, np.array(camera.distortion), np.eye(3), K, size, cv2.CV_16SC2)
+    for a in (whole, fraction):
+        a.flags.writeable = False
+    return np.asarray(whole, np.int16), np.asarray(fraction, np.uint16)

@@ -1,4 +1,9 @@
-"""Robust least-squares fit of the ellipse of eq. (3) to edge points, with its covariance."""
+"""Robust least-squares fit of the ellipse of eq. (3) to edge points, with its covariance.
+
+The paper's filter (:mod:`vision.ellipse_filter`) fits groups of short arcs, where a gate decides which points belong
+and where the prior holds what an arc leaves open. Boundaries of regions come by the hundred in every view, long and
+with occluders in them: their fit has Huber's weights, is regular at circles, and runs inside a compiled search.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from vision.ellipse import Array, Ellipse
 from vision.errors import InputError
+from vision.normal_equations import factorise, invert, solve
 
 MIN_POINTS = 6
 _HUBER = 1.345
@@ -49,18 +55,8 @@ def fit_ellipse(points: ArrayLike, sigma_px: float = 0.1, initial: Ellipse | Non
     start = initial or (_direct_fit(z) if len(z) >= MIN_POINTS else None)
     if start is None or len(z) < MIN_POINTS:
         return None
-    # Near the origin and of unit size, all five unknowns have the same scale.
-    shift, scale = start.centre, start.semi_axes[0]
-    unit = (z - shift) / scale
-    try:
-        theta, converged = _refine(_to_regular((start.p - [*shift, *shift, 0.0]) / scale), unit, sigma_px / scale)
-        covariance = _covariance(theta, unit, sigma_px / scale) * scale**2
-    except np.linalg.LinAlgError:
-        return None
-    p = _to_focal(theta) * scale + [*shift, *shift, 0.0]
-    if not converged or not np.isfinite(p).all() or not np.isfinite(covariance).all():
-        return None
-    return Ellipse(p, covariance)
+    p, covariance, converged = refine_ellipse(start.p, z, sigma_px)
+    return Ellipse(p, covariance) if converged else None
 
 
 def _direct_fit(z: Array) -> Ellipse | None:
@@ -81,13 +77,39 @@ def _direct_fit(z: Array) -> Ellipse | None:
     return Ellipse.from_geometric(x, y, max(d1, d2) / 2 * spread, min(d1, d2) / 2 * spread, angle)
 
 
-def _to_regular(p: Array) -> Array:
+@njit(cache=True)
+def refine_ellipse(p, points, sigma):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Focal parameters (5,) and covariance (5, 5) of :func:`fit_ellipse`, and whether the points determine them.
+
+    Args:
+        p: (5,) focal parameters to start from.
+        points: (N, 2) at least ``MIN_POINTS``.
+        sigma: standard deviation of a point across the boundary.
+    """
+    # Near the origin and of unit size, all five unknowns have the same scale.
+    shift_x, shift_y, scale = (p[0] + p[2]) / 2, (p[1] + p[3]) / 2, p[4] / 2
+    shift = np.array([shift_x, shift_y, shift_x, shift_y, 0.0])
+    unit = np.empty(points.shape)
+    for i in range(len(points)):
+        unit[i, 0], unit[i, 1] = (points[i, 0] - shift_x) / scale, (points[i, 1] - shift_y) / scale
+    theta, converged = _refine(_to_regular((p - shift) / scale), unit, sigma / scale)
+    covariance = np.zeros((5, 5))
+    if converged:
+        covariance, converged = _covariance(theta, unit, sigma / scale)
+    refined = _to_focal(theta) * scale + shift
+    covariance = covariance * scale**2
+    return refined, covariance, converged and np.isfinite(refined).all() and np.isfinite(covariance).all()
+
+
+@njit(cache=True)
+def _to_regular(p):  # type: ignore[no-untyped-def]  # pragma: no cover
     """(5,) centre x, centre y, Re w, Im w, s of focal parameters."""
     h = complex(p[0] - p[2], p[1] - p[3]) / 2
     return np.array([(p[0] + p[2]) / 2, (p[1] + p[3]) / 2, (h * h).real, (h * h).imag, p[4]])
 
 
-def _to_focal(theta: Array) -> Array:
+@njit(cache=True)
+def _to_focal(theta):  # type: ignore[no-untyped-def]  # pragma: no cover
     """The inverse of :func:`_to_regular`."""
     h = np.sqrt(complex(theta[2], theta[3]))
     return np.array([theta[0] + h.real, theta[1] + h.imag, theta[0] - h.real, theta[1] - h.imag, theta[4]])
@@ -99,17 +121,21 @@ def _distances(theta, z):  # type: ignore[no-untyped-def]  # pragma: no cover
     distances, jacobian = np.empty(len(z)), np.empty((len(z), 5))
     h = np.sqrt(complex(theta[2], theta[3]))
     dh_dw = 0.5 / h if abs(h) > _SMALLEST_H else 0.5 / _SMALLEST_H + 0.0j
+    h_x, h_y, dh_x, dh_y = h.real, h.imag, dh_dw.real, dh_dw.imag
     for i in range(len(z)):
-        # From the focal points centre + h and centre - h to the point, as complex numbers.
-        d = complex(z[i, 0] - theta[0], z[i, 1] - theta[1])
-        s1, s2 = max(abs(d - h), 1e-9), max(abs(d + h), 1e-9)
-        e1, e2 = (d - h) / s1, (d + h) / s2
-        steepness = max(abs(e1 + e2), _SMALLEST_STEEPNESS)
+        # From the focal points centre + h and centre - h to the point: e1 and e2 are the unit vectors.
+        x, y = z[i, 0] - theta[0], z[i, 1] - theta[1]
+        e1_x, e1_y, e2_x, e2_y = x - h_x, y - h_y, x + h_x, y + h_y
+        s1 = max(np.sqrt(e1_x * e1_x + e1_y * e1_y), 1e-9)
+        s2 = max(np.sqrt(e2_x * e2_x + e2_y * e2_y), 1e-9)
+        e1_x, e1_y, e2_x, e2_y = e1_x / s1, e1_y / s1, e2_x / s2, e2_y / s2
+        sum_x, sum_y, apart_x, apart_y = e1_x + e2_x, e1_y + e2_y, e1_x - e2_x, e1_y - e2_y
+        steepness = max(np.sqrt(sum_x * sum_x + sum_y * sum_y), _SMALLEST_STEEPNESS)
         distances[i] = (s1 + s2 - theta[4]) / steepness
-        # df = -<e1 + e2, dcentre> - <e1 - e2, dh> - ds, with <a, b> = Re(a* b) and dh = dh_dw dw.
-        by_w = (e1 - e2).conjugate() * dh_dw
-        jacobian[i, 0], jacobian[i, 1] = -(e1 + e2).real / steepness, -(e1 + e2).imag / steepness
-        jacobian[i, 2], jacobian[i, 3] = -by_w.real / steepness, by_w.imag / steepness
+        # df = -<e1 + e2, dcentre> - <e1 - e2, dh> - ds, with dh = dh_dw dw as complex numbers.
+        jacobian[i, 0], jacobian[i, 1] = -sum_x / steepness, -sum_y / steepness
+        jacobian[i, 2] = -(apart_x * dh_x + apart_y * dh_y) / steepness
+        jacobian[i, 3] = (apart_x * dh_y - apart_y * dh_x) / steepness
         jacobian[i, 4] = -1 / steepness
     return distances, jacobian
 
@@ -123,13 +149,16 @@ def _weigh(distances, sigma):  # type: ignore[no-untyped-def]  # pragma: no cove
 
 @njit(cache=True)
 def _normal_equations(distances, jacobian, weights):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Weighted J^T J (5, 5) and -J^T d (5,), damped far below what data say, so that short arcs stay put."""
+    """Lower triangle of the weighted J^T J (5, 5), and -J^T d (5,).
+
+    Damped far below what data say, so that short arcs stay put.
+    """
     normal, right = 1e-9 * len(distances) * np.eye(5), np.zeros(5)
     for i in range(len(distances)):
         for j in range(5):
             weighted = weights[i] * jacobian[i, j]
             right[j] -= weighted * distances[i]
-            for k in range(5):
+            for k in range(j + 1):
                 normal[j, k] += weighted * jacobian[i, k]
     return normal, right
 
@@ -145,8 +174,10 @@ def _refine(theta, z, sigma):  # type: ignore[no-untyped-def]  # pragma: no cove
     """Gauss-Newton with Huber weights: theta and whether it is an ellipse that the points determine."""
     for _ in range(_ITERATIONS):
         distances, jacobian = _distances(theta, z)
-        normal, right = _normal_equations(distances, jacobian, _weigh(distances, sigma))
-        step = np.linalg.solve(normal, right)
+        normal, step = _normal_equations(distances, jacobian, _weigh(distances, sigma))
+        if not factorise(normal):
+            return theta, False
+        solve(normal, step)
         while not _is_ellipse(theta + step):
             step = step / 2
             if not np.abs(step).max() > _SMALLEST_STEP * sigma:
@@ -159,14 +190,16 @@ def _refine(theta, z, sigma):  # type: ignore[no-untyped-def]  # pragma: no cove
 
 @njit(cache=True)
 def _covariance(theta, z, sigma):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Covariance (5, 5) of the focal parameters, from the normal equations."""
+    """Covariance (5, 5) of the focal parameters, from the normal equations, and whether there is one."""
     distances, jacobian = _distances(theta, z)
     weights = _weigh(distances, sigma)
     normal, _ = _normal_equations(distances, jacobian, np.ones(len(z)))
+    if not factorise(normal):
+        return normal, False
     # Huber's estimate: mean square influence over the squared share of points that have full influence.
     full_share = max(np.mean(weights >= 1.0), 0.2)
     variance = max(sigma**2, np.sum((weights * distances) ** 2) / max(len(z) - 5, 1) / full_share**2)
-    covariance = variance * np.linalg.inv(normal)
+    covariance = variance * invert(normal)
     # An ellipse that may as well be a circle has focal points anywhere within |h|² = sigma of w: first order fails.
     spread = np.hypot(covariance[2, 2] - covariance[3, 3], 2 * covariance[2, 3])
     sigma_w = np.sqrt((covariance[2, 2] + covariance[3, 3] + spread) / 2)
@@ -174,7 +207,7 @@ def _covariance(theta, z, sigma):  # type: ignore[no-untyped-def]  # pragma: no 
     direction = h / abs(h) if abs(h) > 0 else 1.0 + 0.0j
     length = abs(h) if abs(h) ** 2 > 3 * sigma_w else np.sqrt(sigma_w) / 2
     by_regular = _focal_by_regular(0.5 / (direction * length))
-    return by_regular @ covariance @ by_regular.T.copy()
+    return by_regular @ covariance @ by_regular.T.copy(), True
 
 
 @njit(cache=True)

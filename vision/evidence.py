@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -13,6 +14,9 @@ Image = NDArray[np.float32]
 
 SMOOTHING_PX = 1.0
 CANNY_LOW, CANNY_HIGH = 8.0, 18.0  # 3x3 Sobel units of the smoothed image; its noise at grey sigma 2 is about 2
+
+_STEP_PX = 0.5
+"""Between the samples of a profile across the contour."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,15 +46,10 @@ class EdgeField:
             nothing = np.zeros((*shape, 2), np.float32)
             return cls(smooth, np.full(shape, np.inf, np.float32), nothing, nothing - 1)
         distance, labels = cv2.distanceTransformWithLabels(
-            (edges == 0).astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
+            cv2.bitwise_not(edges), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
         )
-        rows, columns = np.nonzero(edges)
-        of_label = np.zeros((labels.max() + 1, 2), np.float32)
-        gradient = np.stack([gx[rows, columns], gy[rows, columns]], axis=1)
-        of_label[labels[rows, columns]] = gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-6)
-        place = np.full((labels.max() + 1, 2), -1, np.float32)
-        place[labels[rows, columns]] = np.stack([columns, rows], axis=1)
-        return cls(smooth, distance.astype(np.float32), of_label[labels], place[labels])
+        direction, nearest = _of_nearest_edge(edges, labels, gx, gy)
+        return cls(smooth, np.asarray(distance, np.float32), direction, nearest)
 
     def support(self, points: Array, normals: Array, reach_px: float = 3.0) -> Array:
         """How well an edge runs through each point, 0 to 1.
@@ -113,30 +112,90 @@ class EdgeField:
         """
         if len(points) == 0:
             return np.empty(0), np.empty(0)
-        step = 0.5
-        half = int(np.ceil(reach_px / step)) + 3
-        offsets = np.arange(-half, half + 1) * step
-        where = points[:, None, :] + offsets[None, :, None] * normals[:, None, :]
-        good = np.asarray(np.isfinite(where).all(axis=(1, 2)))
-        where = np.where(good[:, None, None], where, 0).astype(np.float32)
-        profile = np.asarray(
-            cv2.remap(self.smooth, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        half = int(np.ceil(reach_px / _STEP_PX)) + 3
+        offsets = np.arange(-half, half + 1) * _STEP_PX
+        discount = np.exp(-0.5 * (offsets / max(reach_px / 1.5, 0.5)) ** 2)
+        discount[np.abs(offsets) > reach_px - 0.5] = 0.0
+        positions, slopes = np.empty(len(points)), np.empty(len(points))
+        _measure(
+            self.smooth,
+            np.asarray(points, dtype=float),
+            np.asarray(normals, dtype=float),
+            discount,
+            np.float32(minimum_slope),
+            positions,
+            slopes,
         )
-        slope = np.zeros_like(profile)
+        return positions, slopes
+
+
+@njit(cache=True)
+def _of_nearest_edge(edges, labels, gx, gy):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """(H, W, 2) unit gradient at the edge pixel that has the same label, and (H, W, 2) where that pixel is."""
+    height, width = edges.shape
+    of_label = np.zeros((labels.max() + 1, 4), np.float32)
+    for y in range(height):
+        for x in range(width):
+            if edges[y, x]:
+                length = max(np.sqrt(gx[y, x] * gx[y, x] + gy[y, x] * gy[y, x]), np.float32(1e-6))
+                row = of_label[labels[y, x]]
+                row[0], row[1], row[2], row[3] = gx[y, x] / length, gy[y, x] / length, x, y
+    direction = np.empty((height, width, 2), np.float32)
+    nearest = np.empty((height, width, 2), np.float32)
+    for y in range(height):
+        for x in range(width):
+            row = of_label[labels[y, x]]
+            direction[y, x, 0], direction[y, x, 1], nearest[y, x, 0], nearest[y, x, 1] = row
+    return direction, nearest
+
+
+@njit(cache=True)
+def _measure(smooth, points, normals, discount, minimum_slope, positions, slopes):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Write what :meth:`EdgeField.measure` returns; ``discount`` is 0 at the offsets where no edge is looked for."""
+    half = len(discount) // 2
+    profile, slope = np.empty(len(discount), np.float32), np.zeros(len(discount), np.float32)
+    for i in range(len(points)):
+        positions[i], slopes[i] = np.nan, 0.0
+        x, y, nx, ny = points[i, 0], points[i, 1], normals[i, 0], normals[i, 1]
+        if not np.isfinite(x + y + nx + ny):
+            continue
+        for k in range(len(discount)):
+            offset = (k - half) * _STEP_PX
+            profile[k] = _interpolate(smooth, x + offset * nx, y + offset * ny)
         # Over two pixels: a shorter difference of linearly interpolated values depends on where the pixels lie.
-        slope[:, 2:-2] = (profile[:, 4:] - profile[:, :-4]) / (4 * step)
-        strength = np.asarray(np.abs(slope))
-        peak = np.zeros(strength.shape, bool)
-        peak[:, 1:-1] = (strength[:, 1:-1] >= strength[:, :-2]) & (strength[:, 1:-1] > strength[:, 2:])
-        peak = np.asarray(peak & (strength > minimum_slope))
-        peak[:, np.abs(offsets) > reach_px - 0.5] = False
-        discounted = np.where(peak, strength * np.exp(-0.5 * (offsets / max(reach_px / 1.5, 0.5)) ** 2), 0)
-        best = discounted.argmax(axis=1)
-        rows = np.arange(len(points))
-        found = good & peak[rows, best]
-        centre = np.clip(best, 2, len(offsets) - 3)
-        before, at, after = (np.log(np.maximum(strength[rows, centre + k].astype(float), 1e-3)) for k in (-2, 0, 2))
+        for k in range(2, len(slope) - 2):
+            slope[k] = (profile[k + 2] - profile[k - 2]) / np.float32(4 * _STEP_PX)
+        best, greatest = -1, 0.0
+        for k in range(1, len(slope) - 1):
+            here = abs(slope[k])
+            is_peak = here >= abs(slope[k - 1]) and here > abs(slope[k + 1]) and here > minimum_slope
+            if is_peak and here * discount[k] > greatest:
+                best, greatest = k, here * discount[k]
+        if best < 0:
+            continue
+        before, at, after = _log_strength(slope[best - 2]), _log_strength(slope[best]), _log_strength(slope[best + 2])
         curvature = before - 2 * at + after
-        shift = np.where(curvature < 0, 0.5 * (before - after) / np.where(curvature < 0, curvature, 1), 0)
-        measured = offsets[best] + np.clip(shift, -1, 1) * 2 * step
-        return np.where(found, measured, np.nan), slope[rows, best].astype(float)
+        shift = 0.5 * (before - after) / curvature if curvature < 0 else 0.0
+        positions[i] = ((best - half) + 2 * min(max(shift, -1.0), 1.0)) * _STEP_PX
+        slopes[i] = slope[best]
+
+
+@njit(cache=True)
+def _log_strength(slope):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Logarithm of the size of a slope."""
+    return np.log(max(float(abs(slope)), 1e-3))
+
+
+@njit(cache=True, fastmath={"contract"})
+def _interpolate(image, x, y):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Bilinear value of an image (H, W) float32 at (x, y); beyond the border the border goes on."""
+    height, width = image.shape
+    # In single precision with fused products, bit for bit as cv2.remap; far outside would not fit into whole numbers.
+    x, y = np.float32(min(max(x, -1.0), float(width))), np.float32(min(max(y, -1.0), float(height)))
+    left, top = int(np.floor(x)), int(np.floor(y))
+    u, v = x - np.float32(left), y - np.float32(top)
+    right, bottom = min(max(left + 1, 0), width - 1), min(max(top + 1, 0), height - 1)
+    left, top = min(max(left, 0), width - 1), min(max(top, 0), height - 1)
+    upper = image[top, left] + u * (image[top, right] - image[top, left])
+    lower = image[bottom, left] + u * (image[bottom, right] - image[bottom, left])
+    return upper + v * (lower - upper)

@@ -1,4 +1,4 @@
-"""Split and merge over a quadtree (Section 5.1): homogeneous blocks without edge pixels, grown into regions."""
+"""The split of split and merge (Section 5.1): a quadtree of homogeneous blocks without edge pixels."""
 
 from __future__ import annotations
 
@@ -12,9 +12,6 @@ from vision.errors import InputError
 
 Labels = NDArray[np.int32]
 
-BOUNDARY = 0
-"""Label of the pixels that belong to no region: edge pixels, and specks too small to be regions."""
-
 
 @dataclass(frozen=True)
 class SplitAndMerge:
@@ -26,7 +23,7 @@ class SplitAndMerge:
         max_step: largest difference of the means of two neighbouring blocks that may be merged.
         max_contrast: largest difference of the means of two regions that may be merged.
         min_area_px: smaller regions go to the most similar neighbour that no edge separates them from.
-        root_size_px: side of the largest blocks; a power of two.
+        root_size_px: side of the largest blocks; a power of two, at most 256.
     """
 
     max_deviation: float = 6.0
@@ -40,8 +37,9 @@ class SplitAndMerge:
         thresholds = (self.max_deviation, self.max_range, self.max_step, self.max_contrast, self.min_area_px)
         if not all(t >= 0 for t in thresholds):
             raise InputError("split-and-merge thresholds", got=thresholds, expected="numbers >= 0")
-        if self.root_size_px < 1 or self.root_size_px & (self.root_size_px - 1):
-            raise InputError("root_size_px", got=self.root_size_px, expected="a power of two")
+        # Sums over larger blocks would not fit into 32 bits.
+        if not 1 <= self.root_size_px <= 256 or self.root_size_px & (self.root_size_px - 1):
+            raise InputError("root_size_px", got=self.root_size_px, expected="a power of two, at most 256")
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,17 +78,6 @@ class Quadtree:
         return len(self.x)
 
 
-@dataclass(frozen=True, eq=False)
-class _Level:
-    """Sums over all blocks of one size, at (row, column) of the block."""
-
-    total: NDArray[np.uint32]
-    square_total: NDArray[np.uint32]
-    low: NDArray[np.uint8]
-    high: NDArray[np.uint8]
-    blocked: NDArray[np.bool_]
-
-
 def split(gray: NDArray[np.uint8], edges: NDArray[np.bool_], settings: SplitAndMerge) -> Quadtree:
     """Split the image until every block is homogeneous: no edge pixel inside, small grey deviation and range.
 
@@ -102,163 +89,122 @@ def split(gray: NDArray[np.uint8], edges: NDArray[np.bool_], settings: SplitAndM
     Returns:
         The leaves, largest first. Single pixels are always leaves where nothing larger is homogeneous.
     """
-    levels = _pyramid(gray, edges, settings.root_size_px)
-    shape = levels[-1].total.shape
-    leaf_of_block = np.full(shape, -1, np.int32)
-    found: list[tuple[NDArray[np.intp], NDArray[np.intp], int]] = []
-    count = 0
-    for depth in range(len(levels) - 1, -1, -1):
-        level = levels[depth]
-        is_leaf = leaf_of_block < 0
-        if depth:
-            is_leaf &= _homogeneous(level, 4**depth, settings)
-        else:
-            is_leaf[gray.shape[0] :] = is_leaf[:, gray.shape[1] :] = False
-        rows, columns = np.nonzero(is_leaf)
-        leaf_of_block[rows, columns] = np.arange(count, count + len(rows), dtype=np.int32)
-        count += len(rows)
-        found.append((rows, columns, depth))
-        if depth:
-            leaf_of_block = leaf_of_block.repeat(2, axis=0).repeat(2, axis=1)
-    return _gather(levels, found, np.ascontiguousarray(leaf_of_block[: gray.shape[0], : gray.shape[1]]))
+    leaf_of_pixel, *of_leaf = _split(
+        np.ascontiguousarray(gray),
+        np.ascontiguousarray(edges),
+        settings.root_size_px.bit_length() - 1,
+        float(settings.max_deviation**2),
+        float(settings.max_range),
+    )
+    return Quadtree(leaf_of_pixel, *of_leaf)
 
 
-def _pyramid(gray: NDArray[np.uint8], edges: NDArray[np.bool_], root_size: int) -> list[_Level]:
-    """Block sums of all levels, single pixels first; whatever lies outside the image is blocked."""
+@njit(cache=True)
+def _split(gray, edges, depth, max_variance, max_range):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """The arrays of the :class:`Quadtree` whose largest blocks have the side 2 ** ``depth``."""
     height, width = gray.shape
-    padding = ((0, -height % root_size), (0, -width % root_size))
-    grey = np.pad(gray, padding)
-    wide = grey.astype(np.uint32)
-    level = _Level(wide, wide * wide, grey, grey, np.pad(edges, padding, constant_values=True))
-    levels = [level]
-    while level.total.size and len(levels) <= root_size.bit_length() - 1:
-        level = _Level(
-            _quarters(level.total, np.add),
-            _quarters(level.square_total, np.add),
-            _quarters(level.low, np.minimum),
-            _quarters(level.high, np.maximum),
-            _quarters(level.blocked, np.logical_or),
-        )
-        levels.append(level)
-    return levels
+    leaf_of_pixel = np.full((height, width), -1, np.int32)
+    # Blocks that reach over the image are never whole, so that only those inside need to be looked at.
+    levels = [_quarter_pixels(gray, edges)]
+    for _ in range(1, depth):
+        levels.append(_quarter(levels[-1]))
+    found, n = [], 0
+    for level in range(depth, 0, -1):
+        found.append(_uncovered(leaf_of_pixel, levels[level - 1], 1 << level, max_variance, max_range))
+        n = _cover(leaf_of_pixel, found[-1], levels[level - 1].shape[1], 1 << level, n)
+    found.append(_negative(leaf_of_pixel.ravel()))
+    n = _cover(leaf_of_pixel, found[-1], width, 1, n)
+    # In arrays of just this length: fresh memory costs more than what is written to it.
+    x, y, size = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
+    is_edge, total, square_total = np.zeros(n, np.bool_), np.empty(n), np.empty(n)
+    n = 0
+    for level in range(depth, 0, -1):
+        side, blocks = 1 << level, levels[level - 1]
+        for block in found[depth - level]:
+            row, column = block // blocks.shape[1], block % blocks.shape[1]
+            x[n], y[n], size[n] = column * side, row * side, side
+            total[n], square_total[n] = blocks[row, column, 0], blocks[row, column, 1]
+            n += 1
+    for pixel in found[depth]:
+        row, column = pixel // width, pixel % width
+        grey = float(gray[row, column])
+        x[n], y[n], size[n], total[n], square_total[n] = column, row, 1, grey, grey * grey
+        is_edge[n] = edges[row, column]
+        n += 1
+    return leaf_of_pixel, x, y, size, is_edge, total, square_total
 
 
-def _quarters(a: NDArray, combine: np.ufunc) -> NDArray:
-    """Combine the four children of each block."""
-    rows = combine(a[::2], a[1::2])
-    return np.asarray(combine(rows[:, ::2], rows[:, 1::2]))
+@njit(cache=True)
+def _uncovered(leaf_of_pixel, blocks, side, max_variance, max_range):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Numbers of the homogeneous blocks of one size that lie in no leaf yet, row by row."""
+    found = np.empty(blocks.shape[0] * blocks.shape[1] + 1, np.int32)
+    n = 0
+    for row in range(blocks.shape[0]):
+        for column in range(blocks.shape[1]):
+            mean = blocks[row, column, 0] / (side * side)
+            variance = blocks[row, column, 1] / (side * side) - mean * mean
+            is_narrow = blocks[row, column, 3] - blocks[row, column, 2] <= max_range
+            # Written always and counted where it holds: a branch here could not be predicted.
+            found[n] = row * blocks.shape[1] + column
+            n += is_narrow & (variance <= max_variance) & (leaf_of_pixel[row * side, column * side] < 0)
+    return found[:n]
 
 
-def _homogeneous(level: _Level, area: int, settings: SplitAndMerge) -> NDArray[np.bool_]:
-    """Blocks without edge pixels whose grey deviation and range stay below the thresholds."""
-    mean = level.total / area
-    variance = level.square_total / area - mean * mean
-    grey_range = level.high - level.low
-    small = (variance <= settings.max_deviation**2) & (grey_range <= settings.max_range)
-    return np.asarray(small & ~level.blocked)
+@njit(cache=True)
+def _negative(numbers):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Where numbers (N,) are below 0."""
+    found = np.empty(len(numbers) + 1, np.int32)
+    n = 0
+    for i in range(len(numbers)):
+        found[n] = i
+        n += numbers[i] < 0
+    return found[:n]
 
 
-def _gather(
-    levels: list[_Level], found: list[tuple[NDArray[np.intp], NDArray[np.intp], int]], leaf_of_pixel: Labels
-) -> Quadtree:
-    """The leaves of all levels in one table."""
-    return Quadtree(
-        leaf_of_pixel=leaf_of_pixel,
-        x=np.concatenate([columns << depth for _, columns, depth in found]).astype(np.int32),
-        y=np.concatenate([rows << depth for rows, _, depth in found]).astype(np.int32),
-        size=np.concatenate([np.full(len(rows), 1 << depth, np.int32) for rows, _, depth in found]),
-        is_edge=np.concatenate([levels[depth].blocked[rows, columns] for rows, columns, depth in found]),
-        grey_sum=np.concatenate([levels[depth].total[rows, columns] for rows, columns, depth in found]).astype(float),
-        grey_square_sum=np.concatenate(
-            [levels[depth].square_total[rows, columns] for rows, columns, depth in found]
-        ).astype(float),
-    )
+@njit(cache=True)
+def _cover(leaf_of_pixel, blocks, columns, side, n):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Number the pixels of blocks, ``columns`` of which lie in a row, from leaf ``n`` on; the number after these."""
+    for block in blocks:
+        top, left = block // columns * side, block % columns * side
+        for y in range(top, top + side):
+            for x in range(left, left + side):
+                leaf_of_pixel[y, x] = n
+        n += 1
+    return n
 
 
-def merge(tree: Quadtree, settings: SplitAndMerge) -> Labels:
-    """Merge neighbouring leaves of similar grey into regions, the most similar pair first.
+@njit(cache=True)
+def _quarter_pixels(gray, edges):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """(H // 2, W // 2, 4) sum, sum of squares, least and greatest grey of blocks of four pixels.
 
-    Two leaves are neighbours when they share a side (edges are 8-connected, so that sharing a corner would let
-    a region slip through a diagonal edge) and neither is an edge pixel. Their regions merge while the means of
-    both the leaves and the regions are close. What is left smaller than ``min_area_px`` joins its most similar
-    neighbour, if an edge does not enclose it.
-
-    Returns:
-        (N,) label of each leaf: ``BOUNDARY``, or 1, 2, ... in the order of the leaves.
+    A block with an edge pixel has the greatest grey 2 ** 30, so that no such block is homogeneous.
     """
-    first, second = _neighbour_pairs(tree)
-    area = tree.size.astype(float) ** 2
-    mean = tree.grey_sum / area
-    step = np.abs(mean[first] - mean[second])
-    # 1/64 grey level is finer than any threshold, and 16-bit keys sort in linear time.
-    order = np.argsort((step * 64).astype(np.uint16), kind="stable")
-    root = np.arange(len(tree), dtype=np.int32)
-    similar = np.searchsorted(step[order], settings.max_step + 1 / 64)
-    _unite(
-        root,
-        first[order],
-        second[order],
-        area,
-        tree.grey_sum.copy(),
-        similar,
-        settings.max_contrast,
-        settings.min_area_px,
-    )
-    return _number_regions(tree, root, settings.min_area_px)
-
-
-def _neighbour_pairs(tree: Quadtree) -> tuple[Labels, Labels]:
-    """Pairs of leaves that share a side, neither of them an edge pixel (a pair may be repeated)."""
-    leaf = tree.leaf_of_pixel
-    free = ~tree.is_edge[leaf]
-    firsts, seconds = [], []
-    for a, b, open_side in (
-        (leaf[:, :-1], leaf[:, 1:], free[:, :-1] & free[:, 1:]),
-        (leaf[:-1], leaf[1:], free[:-1] & free[1:]),
-    ):
-        apart = (a != b) & open_side
-        firsts.append(a[apart])
-        seconds.append(b[apart])
-    return np.concatenate(firsts), np.concatenate(seconds)
+    blocks = np.empty((gray.shape[0] // 2, gray.shape[1] // 2, 4), np.uint32)
+    for row in range(blocks.shape[0]):
+        for column in range(blocks.shape[1]):
+            v, u = 2 * row, 2 * column
+            a, b, c, d = int(gray[v, u]), int(gray[v, u + 1]), int(gray[v + 1, u]), int(gray[v + 1, u + 1])
+            blocked = edges[v, u] | edges[v, u + 1] | edges[v + 1, u] | edges[v + 1, u + 1]
+            blocks[row, column, 0] = a + b + c + d
+            blocks[row, column, 1] = a * a + b * b + c * c + d * d
+            blocks[row, column, 2] = min(min(a, b), min(c, d))
+            blocks[row, column, 3] = 2**30 if blocked else max(max(a, b), max(c, d))
+    return blocks
 
 
 @njit(cache=True)
-def _find(root, i):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Root of a leaf, halving the path on the way."""
-    while root[i] != i:
-        root[i] = root[root[i]]
-        i = root[i]
-    return i
-
-
-@njit(cache=True)
-def _unite(root, first, second, area, total, similar, max_contrast, min_area):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Union-find over the pairs in order: the first ``similar`` ones by contrast, then all by lack of area."""
-    area = area.copy()
-    for pass_ in range(2):
-        for k in range(similar if pass_ == 0 else len(first)):
-            a, b = _find(root, first[k]), _find(root, second[k])
-            if a == b:
-                continue
-            if pass_ == 0:
-                join = abs(total[a] / area[a] - total[b] / area[b]) <= max_contrast
-            else:
-                join = min(area[a], area[b]) < min_area
-            if join:
-                if area[a] < area[b]:
-                    a, b = b, a
-                root[b] = a
-                area[a] += area[b]
-                total[a] += total[b]
-    for i in range(len(root)):
-        root[i] = _find(root, i)
-
-
-def _number_regions(tree: Quadtree, root: Labels, min_area: int) -> Labels:
-    """Consecutive labels for the regions that are large enough."""
-    area = np.bincount(root, weights=tree.size.astype(float) ** 2, minlength=len(root))
-    # An image smaller than the smallest region is still one.
-    enough = max(min(min_area, tree.leaf_of_pixel.size), 1)
-    is_region = (area >= enough) & ~tree.is_edge
-    label_of_root = np.where(is_region, np.cumsum(is_region), BOUNDARY).astype(np.int32)
-    return np.asarray(label_of_root[root], dtype=np.int32)
+def _quarter(blocks):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """The same over four blocks each."""
+    quarters = np.empty((blocks.shape[0] // 2, blocks.shape[1] // 2, 4), blocks.dtype)
+    for row in range(quarters.shape[0]):
+        for column in range(quarters.shape[1]):
+            v, u = 2 * row, 2 * column
+            for k in range(4):
+                a, b, c, d = blocks[v, u, k], blocks[v, u + 1, k], blocks[v + 1, u, k], blocks[v + 1, u + 1, k]
+                if k < 2:
+                    quarters[row, column, k] = a + b + c + d
+                elif k == 2:
+                    quarters[row, column, k] = min(min(a, b), min(c, d))
+                else:
+                    quarters[row, column, k] = max(max(a, b), max(c, d))
+    return quarters

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Protocol, TypeVar
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -56,6 +54,14 @@ class AttributeConstraints:
         """Whether every attribute lies within its bounds, ends included."""
         return all(low <= getattr(attributes, name) <= high for name, (low, high) in self._bounds())
 
+    def hold(self, **measured: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which of N things the constraints allow by the attributes given, each (N,), whatever the others are."""
+        held = np.ones(np.broadcast_shapes(*(m.shape for m in measured.values())), np.bool_)
+        for name, (low, high) in self._bounds():
+            if name in measured:
+                held &= (low <= measured[name]) & (measured[name] <= high)
+        return held
+
     def prune(self, regions: Iterable[R]) -> list[R]:
         """The regions that are left after pruning, in their order (Fig. 7 b)."""
         return [region for region in regions if self.allow(region.attributes)]
@@ -75,41 +81,56 @@ def measure_shape(contour: Contour, area_px: float) -> tuple[float, float, float
     Returns:
         perimeter_px, circularity, shape_complexity as in :class:`vision.features.RegionAttributes`.
     """
-    perimeter = _length(contour) + np.pi  # half a pixel outwards: from pixel centres to their outer sides
-    enclosed, ellipse_complexity = _moment_ellipse(contour)
+    perimeter, enclosed, ellipse_complexity = _outline(contour, _SMOOTHING_PX)
+    perimeter += np.pi  # half a pixel outwards: from pixel centres to their outer sides
     enclosed = max(enclosed + perimeter / 2, area_px)
     return perimeter, 4 * np.pi * area_px / perimeter**2, float(perimeter**2 / enclosed / ellipse_complexity)
 
 
-def _length(contour: Contour) -> float:
-    """Length of a closed pixel chain, smoothed."""
-    if len(contour) <= 2 * (2 * _SMOOTHING_PX + 1):
-        return float(cv2.arcLength(contour, True))
-    return float(_smoothed_length(contour, _SMOOTHING_PX))
+@njit(cache=True)
+def _outline(contour, reach):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Length of a closed pixel chain, the area inside, and perimeter² / area of the ellipse with its moments."""
+    area, xx, xy, yy = _moments(contour)
+    length = _length(contour, reach if len(contour) > 2 * (2 * reach + 1) else 0)
+    if area <= 0:
+        return length, 0.0, 4 * np.pi
+    mean, difference = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+    # Half a pixel more: from pixel centres to their outer sides.
+    a = 2 * np.sqrt(max(mean + difference, 0.0)) + 0.5
+    b = 2 * np.sqrt(max(mean - difference, 0.0)) + 0.5
+    h = ((a - b) / (a + b)) ** 2
+    perimeter = np.pi * (a + b) * (1 + 3 * h / (10 + np.sqrt(4 - 3 * h)))  # Ramanujan
+    return length, area, perimeter**2 / (np.pi * a * b)
 
 
 @njit(cache=True)
-def _smoothed_length(contour, reach):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _length(contour, reach):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Length of the closed chain of running means over 2 ``reach`` + 1 points."""
     n = len(contour)
-    width = 2 * reach + 1
     length = 0.0
     for i in range(n):
         # Neighbouring running means differ by the two points that enter and leave the window.
         enters, leaves = contour[(i + reach + 1) % n], contour[(i - reach) % n]
-        length += np.hypot(float(enters[0] - leaves[0]), float(enters[1] - leaves[1])) / width
-    return length
+        length += np.hypot(float(enters[0] - leaves[0]), float(enters[1] - leaves[1]))
+    return length / (2 * reach + 1)
 
 
-def _moment_ellipse(contour: Contour) -> tuple[float, float]:
-    """Area inside the contour, and perimeter² / area of the ellipse that has its second moments."""
-    m = cv2.moments(contour)
-    area = m["m00"]
-    if area <= 0:
-        return 0.0, 4 * np.pi
-    mean, difference = (m["mu20"] + m["mu02"]) / 2, math.hypot((m["mu20"] - m["mu02"]) / 2, m["mu11"])
-    # Half a pixel more: from pixel centres to their outer sides.
-    a, b = (2 * math.sqrt(max(moment / area, 0.0)) + 0.5 for moment in (mean + difference, mean - difference))
-    h = ((a - b) / (a + b)) ** 2
-    perimeter = math.pi * (a + b) * (1 + 3 * h / (10 + math.sqrt(4 - 3 * h)))  # Ramanujan
-    return area, perimeter**2 / (math.pi * a * b)
+@njit(cache=True)
+def _moments(contour):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Area inside a closed polygon, and its central second moments xx, xy and yy over the area (Green's theorem)."""
+    area = x_sum = y_sum = xx = xy = yy = 0.0
+    origin_x, origin_y = contour[0, 0], contour[0, 1]
+    for i in range(len(contour)):
+        x0, y0 = float(contour[i - 1, 0] - origin_x), float(contour[i - 1, 1] - origin_y)
+        x1, y1 = float(contour[i, 0] - origin_x), float(contour[i, 1] - origin_y)
+        cross = x0 * y1 - x1 * y0
+        area += cross / 2
+        x_sum += cross * (x0 + x1) / 6
+        y_sum += cross * (y0 + y1) / 6
+        xx += cross * (x0 * x0 + x0 * x1 + x1 * x1) / 12
+        xy += cross * (2 * x0 * y0 + x0 * y1 + x1 * y0 + 2 * x1 * y1) / 24
+        yy += cross * (y0 * y0 + y0 * y1 + y1 * y1) / 12
+    if area == 0:
+        return 0.0, 0.0, 0.0, 0.0
+    x, y = x_sum / area, y_sum / area
+    return abs(area), xx / area - x * x, xy / area - x * y, yy / area - y * y

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,20 +20,19 @@ _PROFILE = np.arange(-2.0, 5.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Boundary:
-    """Sub-pixel edge points of one contour of a region, in order along it.
+class Boundaries:
+    """Sub-pixel edge points of contours of regions, in order along each, one contour after the other.
 
     Attributes:
         points: (N, 2) pixels.
         outwards: (N, 2) unit normals that point out of the curve: away from the region on its outer boundary,
             into it on an inner one.
+        ends: (K + 1,) where contour k lies: ``points[ends[k]:ends[k + 1]]``.
     """
 
     points: Array
     outwards: Array
-
-    def __len__(self) -> int:
-        return len(self.points)
+    ends: NDArray[np.intp]
 
 
 def refine_boundaries(
@@ -42,7 +40,7 @@ def refine_boundaries(
     gradient: tuple[NDArray[np.int16], NDArray[np.int16]],
     min_gradient: float,
     spacing: int,
-) -> list[Boundary]:
+) -> Boundaries:
     """Move contour points outwards onto the next edge, where the gradient across the contour peaks.
 
     Close to its peak, the gradient of a blurred step is a Gaussian, so its logarithm is a parabola: three
@@ -56,19 +54,34 @@ def refine_boundaries(
         spacing: every how many contour points one is taken.
 
     Returns:
-        One boundary per contour.
+        A boundary for each contour.
     """
     if not contours:
-        return []
-    starts = [c[::spacing].astype(float) for c, _ in contours]
-    normals = [_normals(c, is_hole, spacing) for c, is_hole in contours]
-    sizes = [len(s) for s in starts]
-    start, normal = np.concatenate(starts), np.concatenate(normals)
-    offset, is_edge = _peaks(_profiles(start, normal, *gradient), min_gradient)
-    points = (start + offset[:, None] * normal)[is_edge]
-    outwards = (normal * np.repeat([-1.0 if is_hole else 1.0 for _, is_hole in contours], sizes)[:, None])[is_edge]
-    ends = np.concatenate([[0], np.cumsum(is_edge)])[np.cumsum(sizes)].tolist()
-    return [Boundary(points[a:b], outwards[a:b]) for a, b in itertools.pairwise([0, *ends])]
+        return Boundaries(np.empty((0, 2)), np.empty((0, 2)), np.zeros(1, np.intp))
+    pixels = np.concatenate([contour for contour, _ in contours])
+    ends = np.cumsum([0, *(len(contour) for contour, _ in contours)])
+    is_hole = np.array([is_hole for _, is_hole in contours])
+    return Boundaries(*_refine(pixels, ends, is_hole, *gradient, float(min_gradient), spacing))
+
+
+@njit(cache=True)
+def _refine(pixels, ends, is_hole, dx, dy, min_gradient, spacing):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """The arrays of :class:`Boundaries` of contours that lie in ``pixels`` as these do."""
+    points, outwards = np.empty((len(pixels), 2)), np.empty((len(pixels), 2))
+    new_ends = np.zeros_like(ends)
+    n = 0
+    for k in range(len(is_hole)):
+        contour = pixels[ends[k] : ends[k + 1]]
+        normals = _normals(contour, is_hole[k], spacing)
+        for i in range(len(normals)):
+            x, y = float(contour[i * spacing, 0]), float(contour[i * spacing, 1])
+            offset = _innermost_peak(x, y, normals[i], dx, dy, min_gradient)
+            if np.isfinite(offset):
+                points[n, 0], points[n, 1] = x + offset * normals[i, 0], y + offset * normals[i, 1]
+                outwards[n] = -normals[i] if is_hole[k] else normals[i]
+                n += 1
+        new_ends[k + 1] = n
+    return points[:n].copy(), outwards[:n].copy(), new_ends
 
 
 @njit(cache=True)
@@ -92,24 +105,33 @@ def _normals(contour, is_hole, spacing):  # type: ignore[no-untyped-def]  # prag
 
 
 @njit(cache=True)
-def _profiles(start, normal, dx, dy):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """(N, len(_PROFILE)) size of the gradient along the normal, by cubic interpolation; 0 at the image border."""
+def _innermost_peak(x, y, normal, dx, dy, min_gradient):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Offset along a normal from (x, y) of the first peak of the gradient that is large enough; NaN without one."""
+    before, here = 0.0, 0.0
+    for k in range(len(_PROFILE)):
+        after = _slope_across(x + _PROFILE[k] * normal[0], y + _PROFILE[k] * normal[1], normal, dx, dy)
+        if k >= 2 and here >= before and here > after and here >= min_gradient:
+            a, b, c = np.log(max(before, 1.0)), np.log(max(here, 1.0)), np.log(max(after, 1.0))
+            curvature = max(2 * b - a - c, 1e-9)
+            return _PROFILE[k - 1] + min(max((c - a) / (2 * curvature), -0.5), 0.5)
+        before, here = here, after
+    return np.nan
+
+
+@njit(cache=True)
+def _slope_across(x, y, normal, dx, dy):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Size of the gradient along a normal at (x, y), by cubic interpolation; 0 at the image border."""
     height, width = dx.shape
-    along = np.zeros((len(start), len(_PROFILE)))
-    for i in range(len(start)):
-        for k in range(len(_PROFILE)):
-            x, y = start[i, 0] + _PROFILE[k] * normal[i, 0], start[i, 1] + _PROFILE[k] * normal[i, 1]
-            left, top = int(np.floor(x)) - 1, int(np.floor(y)) - 1
-            if left < 0 or top < 0 or left + 3 >= width or top + 3 >= height:
-                continue
-            by_x, by_y = _cubic_weights(x - left - 1), _cubic_weights(y - top - 1)
-            value = 0.0
-            for v in range(4):
-                for u in range(4):
-                    across = dx[top + v, left + u] * normal[i, 0] + dy[top + v, left + u] * normal[i, 1]
-                    value += by_y[v] * by_x[u] * across
-            along[i, k] = abs(value)
-    return along
+    left, top = int(np.floor(x)) - 1, int(np.floor(y)) - 1
+    if left < 0 or top < 0 or left + 3 >= width or top + 3 >= height:
+        return 0.0
+    by_x, by_y = _cubic_weights(x - left - 1), _cubic_weights(y - top - 1)
+    value = 0.0
+    for v in range(4):
+        for u in range(4):
+            across = dx[top + v, left + u] * normal[0] + dy[top + v, left + u] * normal[1]
+            value += by_y[v] * by_x[u] * across
+    return abs(value)
 
 
 @njit(cache=True)
@@ -121,15 +143,3 @@ def _cubic_weights(t):  # type: ignore[no-untyped-def]  # pragma: no cover
         ((4 - 3 * t) * t + 1) * t / 2,
         (t - 1) * t * t / 2,
     )
-
-
-def _peaks(profiles: Array, min_gradient: float) -> tuple[Array, NDArray[np.bool_]]:
-    """Offset (N,) of the innermost peak of each profile, and whether there is one."""
-    middle = profiles[:, 1:-1]
-    is_peak = (middle >= profiles[:, :-2]) & (middle > profiles[:, 2:]) & (middle >= min_gradient)
-    at = np.argmax(is_peak, axis=1)
-    row = np.arange(len(profiles))
-    before, peak, after = (np.log(np.maximum(profiles[row, at + k], 1.0)) for k in range(3))
-    curvature = np.maximum(2 * peak - before - after, 1e-9)
-    offset = _PROFILE[1:-1][at] + np.clip((after - before) / (2 * curvature), -0.5, 0.5)
-    return offset, is_peak[row, at]

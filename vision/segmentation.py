@@ -7,13 +7,16 @@ from functools import cached_property
 
 import cv2
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from vision.contour_tracing import trace_contours
 from vision.edge_linking import link_edges
 from vision.errors import InputError
 from vision.features import RegionAttributes
-from vision.quadtree import Labels, Quadtree, SplitAndMerge, merge, split
-from vision.region_attributes import Contour, measure_shape
+from vision.quadtree import Labels, Quadtree, SplitAndMerge, split
+from vision.region_attributes import AttributeConstraints, Contour, measure_shape
+from vision.region_merging import BOUNDARY, merge
 
 
 @dataclass(frozen=True)
@@ -76,18 +79,16 @@ class Segmentation:
     """An image divided into regions and the boundaries between them.
 
     Attributes:
-        labels: (H, W) int32, the label of each pixel's region, or ``quadtree.BOUNDARY`` on edge pixels and on
+        labels: (H, W) int32, the label of each pixel's region, or ``region_merging.BOUNDARY`` on edge pixels and on
             specks too small to be a region; read-only. Edge pixels stay boundary, for they belong to both sides.
         tree: the quadtree, its leaves in the order that regions refer to.
         leaf_labels: (N,) int32 label of each leaf; read-only.
-        regions: every region, ``regions[k].label == k + 1``.
         edges: (H, W) linked edge map; read-only.
     """
 
     labels: Labels
     tree: Quadtree
     leaf_labels: Labels
-    regions: tuple[Region, ...]
     edges: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
@@ -97,12 +98,33 @@ class Segmentation:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Segmentation, (self.labels, self.tree, self.leaf_labels, self.regions, self.edges))
+        return (Segmentation, (self.labels, self.tree, self.leaf_labels, self.edges))
 
     @cached_property
     def leaves(self) -> Labels:
         """(N, 4) int32 x, y, size and label of each leaf, as drawn in Fig. 7 a."""
         return np.column_stack([self.tree.x, self.tree.y, self.tree.size, self.leaf_labels])
+
+    @cached_property
+    def regions(self) -> tuple[Region, ...]:
+        """Every region, ``regions[k].label == k + 1``."""
+        return self.prune(AttributeConstraints())
+
+    def prune(self, constraints: AttributeConstraints) -> tuple[Region, ...]:
+        """The regions that the constraints leave, as ``constraints.prune(self.regions)`` (Fig. 7 b).
+
+        What the quadtree alone tells goes first: only the regions that are still left have their contours traced.
+        """
+        sums = _sum_leaves(self.leaf_labels, self.tree)
+        left = constraints.hold(area_px=sums.area, grey_mean=sums.grey_mean, grey_deviation=sums.grey_deviation)
+        left[BOUNDARY] = False
+        contours = trace_contours(self.labels, left)
+        bounds = zip(contours.ends[:-1].tolist(), contours.ends[1:].tolist(), strict=True)
+        of_label: dict[int, list[Contour]] = {}
+        for label, (start, end) in zip(contours.labels.tolist(), bounds, strict=True):
+            of_label.setdefault(label, []).append(contours.points[start:end])
+        regions = (sums.region(label, of_label[label]) for label in np.flatnonzero(left).tolist())
+        return tuple(constraints.prune(regions))
 
 
 def segment(gray: NDArray[np.uint8], settings: RegionGrowing | None = None) -> Segmentation:
@@ -123,8 +145,7 @@ def segment(gray: NDArray[np.uint8], settings: RegionGrowing | None = None) -> S
     edges = link_edges(canny(gray, settings), settings.gap_px)
     tree = split(gray, edges, settings.split_and_merge)
     leaf_labels = merge(tree, settings.split_and_merge)
-    labels = leaf_labels[tree.leaf_of_pixel]
-    return Segmentation(labels, tree, leaf_labels, _describe(labels, tree, leaf_labels), edges)
+    return Segmentation(leaf_labels.take(tree.leaf_of_pixel), tree, leaf_labels, edges)
 
 
 def check_gray(gray: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -147,7 +168,7 @@ def check_gray(gray: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def gradient(gray: NDArray[np.uint8], blur_px: float) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     """Gradient (H, W) along x and y of the blurred image, in 1/32 grey level per pixel."""
     # Blurring 8 bits rounds to whole levels; four times the levels in 16 bits keep smooth ramps smooth.
-    blurred = cv2.GaussianBlur(gray.astype(np.int16) * 4, (0, 0), blur_px)
+    blurred = cv2.GaussianBlur(np.multiply(gray, 4, dtype=np.int16), (0, 0), blur_px)
     return cv2.Sobel(blurred, cv2.CV_16S, 1, 0), cv2.Sobel(blurred, cv2.CV_16S, 0, 1)
 
 
@@ -157,49 +178,69 @@ def canny(gray: NDArray[np.uint8], settings: RegionGrowing) -> NDArray[np.bool_]
     return np.asarray(cv2.Canny(dx, dy, settings.edge_low * 32, settings.edge_high * 32, L2gradient=True) > 0)
 
 
-def _describe(labels: Labels, tree: Quadtree, leaf_labels: Labels) -> tuple[Region, ...]:
-    """Attributes, box, contours and quadtree description of every region."""
-    count = int(leaf_labels.max(initial=0))
-    leaf_area = tree.size.astype(float) ** 2
-    area = np.bincount(leaf_labels, leaf_area, count + 1)
-    mean = np.bincount(leaf_labels, tree.grey_sum, count + 1) / np.maximum(area, 1)
-    square_mean = np.bincount(leaf_labels, tree.grey_square_sum, count + 1) / np.maximum(area, 1)
-    deviation = np.sqrt(np.maximum(square_mean - mean**2, 0))
-    by_label = np.argsort(leaf_labels, kind="stable")
-    starts = np.searchsorted(leaf_labels[by_label], np.arange(count + 2))
-    boxes = _boxes(tree, by_label, starts[1:-1])
-    regions = []
-    for label in range(1, count + 1):
-        leaves = by_label[starts[label] : starts[label + 1]]
-        left, top, right, bottom = boxes[label - 1]
-        mask = labels[top:bottom, left:right] == label
-        contour, holes = _contours(mask, left, top)
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """What the leaves of each label add up to; all but the first two have one entry or row for each label from 0.
+
+    Attributes:
+        leaves: (N,) the leaves, label by label.
+        starts: (labels + 1,) where each label's begin.
+        box: left, top, right and bottom, the last two not included.
+        area: pixels.
+        grey_mean: mean grey level.
+        grey_deviation: its standard deviation.
+    """
+
+    leaves: NDArray[np.intp]
+    starts: NDArray[np.intp]
+    box: Labels
+    area: NDArray[np.float64]
+    grey_mean: NDArray[np.float64]
+    grey_deviation: NDArray[np.float64]
+
+    def region(self, label: int, contours: list[Contour]) -> Region:
+        """The region of a label, whose outer contour comes first."""
+        area = float(self.area[label])
         attributes = RegionAttributes(
-            float(area[label]),
-            *measure_shape(contour, float(area[label])),
-            float(mean[label]),
-            float(deviation[label]),
+            area, *measure_shape(contours[0], area), float(self.grey_mean[label]), float(self.grey_deviation[label])
         )
-        regions.append(Region(label, attributes, (left, top, right - left, bottom - top), contour, holes, leaves))
-    return tuple(regions)
+        left, top, right, bottom = self.box[label].tolist()
+        leaves = self.leaves[self.starts[label] : self.starts[label + 1]]
+        return Region(
+            label, attributes, (left, top, right - left, bottom - top), contours[0], tuple(contours[:0:-1]), leaves
+        )
 
 
-def _boxes(tree: Quadtree, by_label: NDArray[np.intp], starts: NDArray[np.intp]) -> list[list[int]]:
-    """Left, top, right and bottom (the last two not included) of each region, whose leaves begin at ``starts``."""
-    if not len(starts):
-        return []
-    x, y, size = tree.x[by_label], tree.y[by_label], tree.size[by_label]
-    low = [np.minimum.reduceat(a, starts) for a in (x, y)]
-    high = [np.maximum.reduceat(a + size, starts) for a in (x, y)]
-    boxes: list[list[int]] = np.column_stack(low + high).tolist()
-    return boxes
-
-
-def _contours(mask: NDArray[np.bool_], left: int, top: int) -> tuple[Contour, tuple[Contour, ...]]:
-    """Outer boundary and inner boundaries (N, 2) of a mask whose upper left pixel is (left, top)."""
-    found, hierarchy = cv2.findContours(
-        mask.view(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE, offset=(left, top)
+def _sum_leaves(leaf_labels: Labels, tree: Quadtree) -> _Sums:
+    """Area, grey levels and boxes of all labels."""
+    count = int(leaf_labels.max(initial=0)) + 1
+    leaves, starts, box, sums = _sums(
+        leaf_labels, tree.x, tree.y, tree.size, tree.grey_sum, tree.grey_square_sum, count
     )
-    outer = int(np.flatnonzero(hierarchy[0, :, 3] < 0)[0])
-    contours = [c.reshape(-1, 2) for c in found]
-    return contours[outer], tuple(c for i, c in enumerate(contours) if i != outer)
+    area = sums[:, 0]
+    mean = sums[:, 1] / np.maximum(area, 1)
+    deviation = np.sqrt(np.maximum(sums[:, 2] / np.maximum(area, 1) - mean**2, 0))
+    return _Sums(leaves, starts, box, area, mean, deviation)
+
+
+@njit(cache=True)
+def _sums(leaf_labels, x, y, size, grey_sum, grey_square_sum, count):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Leaves sorted by label, where each label starts, boxes (count, 4), sums of area, grey and its square."""
+    starts = np.zeros(count + 1, np.intp)
+    box = np.zeros((count, 4), np.int32)
+    box[:, :2] = 2**30
+    sums = np.zeros((count, 3))
+    for i in range(len(leaf_labels)):
+        label = leaf_labels[i]
+        starts[label + 1] += 1
+        box[label, 0], box[label, 1] = min(box[label, 0], x[i]), min(box[label, 1], y[i])
+        box[label, 2], box[label, 3] = max(box[label, 2], x[i] + size[i]), max(box[label, 3], y[i] + size[i])
+        sums[label, 0] += float(size[i]) ** 2
+        sums[label, 1] += grey_sum[i]
+        sums[label, 2] += grey_square_sum[i]
+    starts = np.cumsum(starts)
+    leaves, after = np.empty(len(leaf_labels), np.intp), starts.copy()
+    for i in range(len(leaf_labels)):
+        leaves[after[leaf_labels[i]]] = i
+        after[leaf_labels[i]] += 1
+    return leaves, starts, box, sums

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from vision.evidence import EdgeField
+from vision.evidence import EdgeField, _interpolate
 
 SIZE = (120, 160)
 
@@ -136,3 +137,12 @@ def test_slope_across_a_ramp_is_its_steepness_and_undefined_outside():
 def test_inside_keeps_a_margin(x, y, expected):
     field = EdgeField.from_gray(np.zeros(SIZE, np.uint8))
     assert field.inside(np.array([[x, y]]), 2.0).tolist() == [expected]
+
+
+def test_profiles_are_read_as_opencv_reads_them():
+    rng = np.random.default_rng(0)
+    image = rng.uniform(0, 255, (30, 40)).astype(np.float32)
+    points = rng.uniform(-9, 49, (500, 2))
+    x, y = points.astype(np.float32).T
+    expected = cv2.remap(image, x[:, None], y[:, None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[:, 0]
+    assert np.allclose([_interpolate(image, u, v) for u, v in points], expected, rtol=0, atol=1e-3)

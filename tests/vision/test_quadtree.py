@@ -7,7 +7,8 @@ from hypothesis.extra import numpy as hnp
 
 from vision.edge_linking import link_edges
 from vision.errors import InputError
-from vision.quadtree import BOUNDARY, SplitAndMerge, merge, split
+from vision.quadtree import SplitAndMerge, split
+from vision.region_merging import BOUNDARY, merge
 
 SETTINGS = SplitAndMerge()
 

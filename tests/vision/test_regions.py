@@ -310,3 +310,14 @@ def test_points_that_are_no_points_are_refused():
             fit_ellipse(points)
     with pytest.raises(InputError, match="sigma_px"):
         fit_ellipse(np.random.default_rng(0).random((9, 2)), sigma_px=0)
+
+
+def test_pruning_before_tracing_leaves_the_same_regions():
+    segmentation = segment(draw([OVAL, HOLE, (40, 40, 20, 20, 0, 120)], noise=2))
+    for constraints in (
+        AttributeConstraints(area_px=(1000, 20000)),
+        AttributeConstraints(grey_mean=(100, 255), circularity=(0.8, 1.2)),
+        AttributeConstraints(grey_deviation=(0, 0)),
+    ):
+        kept = segmentation.prune(constraints)
+        assert [r.label for r in kept] == [r.label for r in constraints.prune(segmentation.regions)]
