@@ -43,8 +43,8 @@ def load_model(part: str, models: str | None = None) -> VisionModel:
     """
     mesh = MeshReference.parse(part)
     file = f"{part if mesh is None else mesh.path.stem}.json"
-    own = None if models is None else Path(models) / file
-    model = model_file.load_model(own if own is not None and own.is_file() else MODELS / file)
+    places = [MODELS / file] if models is None else [Path(models) / file, MODELS / file]
+    model = model_file.load_model(next((path for path in places if path.is_file()), places[0]))
     return model if mesh is None else replace(model, part=part)
 
 

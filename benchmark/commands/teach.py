@@ -29,7 +29,7 @@ def teach(
     show: bool = True,
     replay: OptionalPath = None,
 ) -> int:
-    """Teach a part on a page in the browser: mark its circles in a few pictures, place grasps, try it, save the model.
+    """Teach a part on a page in the browser: mark its circles in a few pictures, place grasps, try it, save it.
 
     The pictures of a part of the benchmark, or of a mesh, are rendered into a directory; --views opens a directory
     with pictures of your own. Everything that is done there is kept in its session.json, at once.

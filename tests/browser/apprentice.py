@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict
 
 from playwright.sync_api import expect
@@ -38,6 +39,7 @@ def teach_feature(feature: MarkedFeature, person: Person) -> None:
     count = rows.count()
     person.press("n")
     expect(rows).to_have_count(count + 1)
+    expect(person.field("Name")).to_have_value(re.compile("circle [0-9]+"))
     person.fill("Name", feature.name)
     if feature.role == "supporting":
         person.button("Supporting")
@@ -66,6 +68,7 @@ def place_grasp(grasp: PlaceGrasp, person: Person) -> None:
     count = rows.count()
     person.button("New")
     expect(rows).to_have_count(count + 1)
+    expect(person.field("Name")).to_have_value("grasp")
     person.fill("Name", grasp.name)
     if grasp.kind == "inside":
         person.button("Open inside")

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from playwright.sync_api import Page
+from playwright.sync_api import Locator, Page
 
 from vision.camera import View
 from vision.circle_pose import Circle, project_circle
@@ -119,9 +119,13 @@ class Person:
         """Press a key, or several at once."""
         self.page.keyboard.press(keys)
 
+    def field(self, label: str) -> Locator:
+        """A field that is in sight."""
+        return self.page.get_by_label(label, exact=True).locator("visible=true").first
+
     def fill(self, label: str, text: str) -> None:
-        """Type into a field that is in sight, and confirm."""
-        field = self.page.get_by_label(label, exact=True).locator("visible=true").first
+        """Type into a field, and confirm."""
+        field = self.field(label)
         field.fill(text)
         field.press("Enter")
 

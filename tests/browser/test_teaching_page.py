@@ -270,12 +270,12 @@ _DRAWN = """() => new Promise((done) => {
 })"""
 
 _ANSWERED = """() => new Promise((done) => {
-  const stage = window.focalpickStage, before = stage.get_points().length;
+  const stage = window.focalpickStage, before = stage.markedPoints().length;
   let released = 0;
   const release = () => { released = performance.now(); };
   stage.$refs.canvas.addEventListener("pointerup", release, { once: true, capture: true });
   const look = () => {
-    if (stage.get_points().length > before) done(performance.now() - released);
+    if (stage.markedPoints().length > before) done(performance.now() - released);
     else setTimeout(look, 1);
   };
   look();

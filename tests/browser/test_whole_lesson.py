@@ -1,4 +1,4 @@
-"""A complete lesson on cover 2 by mouse and keyboard, from the opened page to the saved model, and what it is worth."""
+"""A complete lesson on cover 2 by mouse and keyboard, from the opened page to the saved model, and its worth."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from vision.vision_model import VisionModel
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
-SCENES, SEED = 3, 10_600
+SCENES, SEED = 2, 10_600
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_cover2_is_taught_by_mouse_and_keyboard(
     assert page.evaluate("() => window.focalpickUnsaved") is False
     assert program.interrupt() == 130
     taught = load_model(lesson / "model.json")
-    assert model_to_json(replay(lesson)) == model_to_json(taught)
+    assert model_to_json(replay(lesson)) == (lesson / "model.json").read_text()
     same_as(taught, document, load_session(lesson))
     assert hits(taught) >= hits(shipped_model("cover2")) - 1
 

@@ -9,7 +9,7 @@ from nicegui import ui
 
 from vision.circle_pose import Circle
 from vision.teaching import events as ev
-from vision.teaching.editor.fields import Fields
+from vision.teaching.editor.fields import Fields, on_commit
 from vision.teaching.editor.grasp_pose import bore_at
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class BoreForm:
                 self._diameter = ui.number("Diameter, mm").props("dense outlined")
                 self._depth = ui.number("Depth, mm").props("dense outlined")
             for number in (self._diameter, self._depth):
-                number.on("blur", self._apply).on("keydown.enter", self._apply)
+                on_commit(number, self._apply)
 
     def refresh(self) -> None:
         """Show what is the case now."""

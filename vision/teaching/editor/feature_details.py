@@ -9,7 +9,7 @@ from nicegui import ui
 
 from vision.teaching import events as ev
 from vision.teaching.editor.extractor_choice import how_often_found
-from vision.teaching.editor.fields import Fields
+from vision.teaching.editor.fields import Fields, on_commit
 from vision.teaching.editor.findings import Finding
 
 if TYPE_CHECKING:
@@ -27,16 +27,17 @@ class FeatureDetails:
         self._page = page
         self._residual_rows: list[tuple[object, ...]] = []
         self._fields = Fields()
+        self._found_key: tuple[object, object] | None = None
         with ui.element("div").classes("teach-details") as self._box:
             self._message = ui.label().classes("teach-message").props("role=alert")
             self._name = ui.input("Name").props("dense outlined").classes("w-full")
-            self._name.on("blur", self._rename).on("keydown.enter", self._rename)
+            on_commit(self._name, self._rename)
             with ui.row().classes("w-full no-wrap items-center gap-2"):
                 self._role = ui.toggle(ROLES, on_change=self._set_role).props("dense no-caps unelevated spread")
                 self._role.tooltip("Salient features find the part; supporting ones confirm it").classes("grow")
                 self._copies = ui.number("Copies", min=1, step=1, precision=0).props("dense outlined")
                 self._copies.classes("teach-copies").tooltip("How many of them are evenly spaced around the axis")
-                self._copies.on("blur", self._set_copies).on("keydown.enter", self._set_copies)
+                on_commit(self._copies, self._set_copies)
             with ui.column().classes("w-full gap-1"):
                 ui.label("Extractor to be tried first").classes("teach-muted")
                 self._extractor = ui.toggle(EXTRACTORS, on_change=self._set_extractor)
@@ -71,7 +72,12 @@ class FeatureDetails:
 
     def _found_text(self, finding: Finding) -> str:
         workshop = self._page.workshop
-        candidates = {v: workshop.extraction.overlay(tag, v) for v, tag in workshop.overlay_tags.items()}
+        tags = workshop.overlay_tags
+        key = (finding.solution, tuple(tags.items()))
+        if self._found_key is not None and self._found_key[0] is key[0] and self._found_key[1] == key[1]:
+            return self._found.text
+        self._found_key = key
+        candidates = {v: workshop.extraction.overlay(tag, v) for v, tag in tags.items()}
         counts = how_often_found(finding, workshop.inspector, candidates)
         if counts is None:
             return "Known when the circle is."

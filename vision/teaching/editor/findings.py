@@ -26,6 +26,8 @@ LARGEST_RESIDUAL_PX = 1.0
 """Views whose marks are further from the common circle than this are called inconsistent."""
 
 STRAY_PX = 6.0  # a click this far from the ellipse through the others does not belong to it
+OFF_AXIS = 0.04  # of the radius; less is taken as on the axis, or the model takes it
+UPRIGHT_COSINE = 0.99
 MOST_CLICKS = 40  # more are no clicks, and need no suspicion
 
 
@@ -152,7 +154,7 @@ class Inspector:
             except InputError as error:
                 return replace(finding, message=f"These marks make no circle: {error.got}.")
             errors = self._errors(solution.circle, marks)
-            wrong = tuple(solution.inconsistent(LARGEST_RESIDUAL_PX))
+            wrong = _inconsistent(solution)
             finding = replace(finding, solution=solution, errors=errors, inconsistent=wrong)
         return replace(finding, message=self._complaint(finding, usable))
 
@@ -167,7 +169,7 @@ class Inspector:
             if mark.problem:
                 return f"The points in {self._name(v)} make no ellipse: {mark.problem}."
         if not finding.inconsistent:
-            return ""
+            return _off_the_axis(finding)
         if len(usable) == 2:
             first, second = (self._name(v) for v in usable)
             return f"{first} and {second} disagree. Mark a third view to see which of them is wrong."
@@ -201,6 +203,28 @@ class Inspector:
             return {}
         images = {v: project_circle(circle, view) for v, view in enumerate(self.views) if faces(circle, view)}
         return {v: image for v, image in images.items() if image is not None}
+
+
+def _inconsistent(solution: TriangulatedCircle) -> tuple[int, ...]:
+    """Views that disagree; of two, one is as likely to be wrong as the other."""
+    residual_px = solution.residual_px
+    if len(residual_px) == 2:
+        return tuple(residual_px) if max(residual_px.values()) > LARGEST_RESIDUAL_PX else ()
+    return tuple(solution.inconsistent(LARGEST_RESIDUAL_PX))
+
+
+def _off_the_axis(finding: Finding) -> str:
+    """What a salient circle lacks that is not around the axis; the model would refuse it."""
+    circle = finding.circle
+    if circle is None or finding.feature.role != "salient":
+        return ""
+    off_m = float(np.hypot(*circle.centre[:2]))
+    if off_m <= OFF_AXIS * circle.radius_m and abs(circle.normal[2]) > UPRIGHT_COSINE:
+        return ""
+    return (
+        f"This circle is {1e3 * off_m:.1f} mm off the axis, or tilted, and salient ones are around it. "
+        "Make it supporting, or look at its marks again."
+    )
 
 
 def _warm_up() -> None:

@@ -10,6 +10,7 @@ from nicegui import ui
 from vision.circle_pose import Circle
 from vision.teaching import events as ev
 from vision.teaching.editor.bore_form import BoreForm
+from vision.teaching.editor.fields import Fields, on_commit
 from vision.teaching.editor.grasp_pose import GraspPose, grasp_on
 from vision.teaching.editor.part_scene import PartScene
 
@@ -36,6 +37,8 @@ class GraspPanel:
         self._page = page
         self._chosen: str | None = None
         self._shown: object = None
+        self._in_form: str | None = None
+        self._fields = Fields()
         self._scene = PartScene()
         with ui.element("aside").classes("teach-side"):
             with ui.row().classes("w-full items-center no-wrap"):
@@ -78,11 +81,11 @@ class GraspPanel:
             with ui.element("div").classes("teach-sliders"):
                 self._height = self._slider("Height", "z_mm")
                 self._turn = self._slider("Turn", "turn_deg")
-        self._name.on("blur", self._apply).on("keydown.enter", self._apply)
+        on_commit(self._name, self._apply)
 
     def _number(self, label: str) -> ui.number:
         number = ui.number(label).props("dense outlined")
-        return number.on("blur", self._apply).on("keydown.enter", self._apply)
+        return on_commit(number, self._apply)
 
     def _slider(self, label: str, name: str) -> ui.slider:
         ui.label(label).classes("teach-muted")
@@ -138,19 +141,21 @@ class GraspPanel:
     def _show_form(self) -> None:
         grasp = self._grasp()
         self._form.set_visibility(grasp is not None)
+        self._in_form = None
         if grasp is None:
             return
         pose = GraspPose.of(ev.pose_of(grasp.T_part_tcp))
         for name, value in asdict(pose).items():
-            self._numbers[name].set_value(round(value, 3))
-        self._name.set_value(grasp.name)
+            self._fields.show(self._numbers[name], round(value, 3), grasp.grasp_id)
+        self._fields.show(self._name, grasp.name, grasp.grasp_id)
+        self._fields.show(self._width, round(1e3 * grasp.width_m, 4), grasp.grasp_id)
+        self._fields.show(self._copies, grasp.copies, grasp.grasp_id)
         self._kind.set_value(grasp.kind)
-        self._width.set_value(round(1e3 * grasp.width_m, 4))
-        self._copies.set_value(grasp.copies)
         reach = max(600 * self._page.workshop.document.diameter_m, abs(pose.z_mm), 1.0)
         self._height.props(f"min={-reach:.1f} max={reach:.1f} step=0.1")
         self._height.set_value(pose.z_mm)
         self._turn.set_value(round(pose.turn_deg))
+        self._in_form = grasp.grasp_id
 
     def _grasp(self) -> ev.PlaceGrasp | None:
         for grasp in self._page.workshop.document.grasps:
@@ -188,7 +193,7 @@ class GraspPanel:
         document = self._page.workshop.document
         grasp_id = self._page.workshop.free_id("g", [g.grasp_id for g in document.grasps])
         copies = document.symmetry_fold or 12
-        matrix = ev.matrix_of(pose.T_part_tcp)
+        matrix = ev.matrix_of(pose.transform())
         self._chosen = grasp_id
         self._page.do(
             ev.PlaceGrasp(grasp_id, name, matrix, width_m, "inside" if kind == "inside" else "outside", copies)
@@ -202,11 +207,8 @@ class GraspPanel:
         """Take over what the form says, where it says something new."""
         grasp = self._grasp()
         values = {name: number.value for name, number in self._numbers.items()}
-        if (
-            grasp is None
-            or None in values.values()
-            or not (self._width.value and self._copies.value and self._name.value)
-        ):
+        complete = None not in values.values() and self._width.value and self._copies.value and self._name.value
+        if grasp is None or grasp.grasp_id != self._in_form or not complete:
             return
         pose = GraspPose(**{name: float(value) for name, value in values.items()})
         shown = GraspPose.of(ev.pose_of(grasp.T_part_tcp))
@@ -218,7 +220,7 @@ class GraspPanel:
             kind=self._kind.value,
             width_m=grasp.width_m if abs(width_m - grasp.width_m) < 1e-7 else width_m,
             copies=int(self._copies.value),
-            T_part_tcp=grasp.T_part_tcp if unmoved else ev.matrix_of(pose.T_part_tcp),
+            T_part_tcp=grasp.T_part_tcp if unmoved else ev.matrix_of(pose.transform()),
         )
         if changed != grasp:
             self._page.do(changed)

@@ -49,9 +49,8 @@ class GraspPose:
         x, y, z = (1e3 * np.asarray(T_part_tcp.translation)).round(6) + 0.0
         return cls(float(x), float(y), float(z), float(angles[0]), float(angles[1]), float(angles[2]))
 
-    @property
-    def T_part_tcp(self) -> RigidTransform:
-        """The pose of the tool centre point."""
+    def transform(self) -> RigidTransform:
+        """T_part_tcp, the pose of the tool centre point."""
         angles = [self.azimuth_deg, self.tilt_deg, self.turn_deg]
         rotation = Rotation.from_euler("ZYZ", angles, degrees=True)
         return RigidTransform.from_components(np.array([self.x_mm, self.y_mm, self.z_mm]) / 1e3, rotation)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,8 @@ from vision.teaching.editor.acts import event_of_act
 from vision.teaching.editor.drawing_state import State, difference, drawing_state, ellipse_numbers, guide
 from vision.teaching.editor.feature_panel import FeaturePanel
 from vision.teaching.editor.findings import Finding
-from vision.teaching.editor.header import Header
 from vision.teaching.editor.grasp_panel import GraspPanel
+from vision.teaching.editor.header import Header
 from vision.teaching.editor.shortcuts import shortcuts_dialog
 from vision.teaching.editor.stage import Stage
 from vision.teaching.editor.threshold_panel import ThresholdPanel
@@ -23,6 +24,7 @@ from vision.teaching.editor.trial_panel import TrialPanel
 from vision.teaching.editor.workshop import Workshop
 
 STYLE = Path(__file__).parent / "static" / "style.css"
+AFTER_S = 0.005
 TABS = ("Mark", "Grasp", "Thresholds", "Try it")
 
 
@@ -32,11 +34,10 @@ class Page:
     def __init__(self, workshop: Workshop) -> None:
         """Build the page in the current client."""
         self.workshop = workshop
-        features = workshop.document.features
-        self.feature: str | None = features[0].feature_id if features else None
-        self.view = 0
+        self.view, self.feature = workshop.last_seen
         self._drawn: State = {}
         self._acknowledged = 0
+        self._panels_wait = False
         self._ready = False
         self._client = ui.context.client
         self._build()
@@ -102,6 +103,7 @@ class Page:
 
     def _on_look(self, message: dict[str, Any]) -> None:
         self.view = message["view"]
+        self._remember()
         self._send()
         self._features.refresh()
 
@@ -135,12 +137,17 @@ class Page:
         """Begin a new feature and turn to it."""
         added = self.new_feature_event()
         self.feature = added.feature_id
+        self._remember()
         self.workshop.do(added)
 
     def choose(self, feature_id: str | None) -> None:
         """Turn to a feature."""
         self.feature = feature_id
+        self._remember()
         self.refresh()
+
+    def _remember(self) -> None:
+        self.workshop.last_seen = (self.view, self.feature)
 
     def _step(self, step: int) -> None:
         names = [f.feature_id for f in self.workshop.document.features]
@@ -183,9 +190,19 @@ class Page:
         if self.feature not in names:
             self.feature = names[-1] if names else None
         self._send()
-        self._header.refresh()
-        self._features.refresh()
-        self._refresh_tab()
+        if not self._panels_wait:
+            self._panels_wait = True
+            asyncio.get_running_loop().call_later(AFTER_S, self._refresh_panels)
+
+    def _refresh_panels(self) -> None:
+        """What is beside the picture follows when the answer to the click is on its way."""
+        self._panels_wait = False
+        if self._client.is_deleted:
+            return
+        with self._client:
+            self._header.refresh()
+            self._features.refresh()
+            self._refresh_tab()
 
     def _refresh_tab(self) -> None:
         """The panes that are out of sight wait until they are seen."""

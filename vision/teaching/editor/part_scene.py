@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
+from functools import partial
 
 import numpy as np
 from nicegui import ui
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from vision.circle_pose import plane_axes
+from vision.circle_pose import Circle, plane_axes
 from vision.teaching.document import Document
 from vision.teaching.editor.findings import Finding
 from vision.teaching.events import PlaceGrasp, SetBore, pose_of
@@ -18,6 +19,7 @@ Array = NDArray[np.float64]
 
 SIZE = 10.0  # of the part's diameter in the scene's units
 GRIPPER, GRIPPER_CHOSEN = "#5c6b7c", "#ffd166"
+FAINT, FAINTEST = 0.12, 0.06  # other grasps, and the other copies of the chosen one
 AXES = (("#ff6b6b", (1, 0, 0)), ("#56d364", (0, 1, 0)), ("#4c8dff", (0, 0, 1)))
 
 
@@ -30,7 +32,8 @@ class PartScene:
             self._scene = ui.scene(grid=False, background_color="#0b1016", fps=30)
             self._scene.move_camera(x=5.5, y=-9.5, z=8, look_at_x=0, look_at_y=0, look_at_z=0, duration=0)
             self._scene.on("init", self.fit)
-            self._drawn: object = None
+            ui.label("Drag to turn, wheel to zoom, right button to move").classes("teach-hint")
+        self._drawn: dict[Hashable, ui.scene.group] = {}
 
     def fit(self) -> None:
         """Take the room there is; needed once it is in sight."""
@@ -39,22 +42,29 @@ class PartScene:
     def show(
         self, document: Document, findings: Sequence[Finding], colours: dict[str, str], chosen: str | None
     ) -> None:
-        """Draw everything; does nothing where it is drawn already."""
-        circles = tuple((f.feature, f.circle) for f in findings if f.circle is not None)
-        key = (circles, document.grasps, document.bore, chosen)
-        if key == self._drawn:
-            return
-        self._drawn = key
+        """Draw everything; what is drawn already stays."""
         scale = SIZE / self._diameter(document, findings)
+        wanted: dict[Hashable, Callable[[], None]] = {("axes",): self._draw_axes}
+        for finding in findings:
+            if finding.circle is not None:
+                colour = colours[finding.feature.feature_id]
+                key = (*_rounded(finding.circle), finding.feature.copies, colour, scale)
+                wanted[key] = partial(self._draw_circles, finding.circle, finding.feature.copies, colour, scale)
+        if document.bore is not None:
+            wanted[document.bore, scale] = partial(self._draw_bore, document.bore, scale)
+        for grasp in document.grasps:
+            is_chosen = grasp.grasp_id == chosen
+            wanted[grasp, is_chosen, scale] = partial(self._draw_gripper, grasp, scale, is_chosen)
+        self._draw(wanted)
+
+    def _draw(self, wanted: dict[Hashable, Callable[[], None]]) -> None:
         with self._scene as scene:
-            scene.clear()
-            self._draw_axes()
-            for finding in findings:
-                self._draw_circles(finding, colours[finding.feature.feature_id], scale)
-            if document.bore is not None:
-                self._draw_bore(document.bore, scale)
-            for grasp in document.grasps:
-                self._draw_gripper(grasp, scale, grasp.grasp_id == chosen)
+            for key in [key for key in self._drawn if key not in wanted]:
+                self._drawn.pop(key).delete()
+            for key in [key for key in wanted if key not in self._drawn]:
+                with scene.group() as group:
+                    wanted[key]()
+                self._drawn[key] = group
 
     def _diameter(self, document: Document, findings: Sequence[Finding]) -> float:
         largest = max((2 * f.circle.radius_m for f in findings if f.circle is not None), default=0.1)
@@ -65,14 +75,11 @@ class PartScene:
             end = [0.16 * SIZE * d for d in direction]
             self._scene.line([0, 0, 0], end).material(colour)
 
-    def _draw_circles(self, finding: Finding, colour: str, scale: float) -> None:
-        if finding.circle is None:
-            return
-        feature, circle = finding.feature, finding.circle
+    def _draw_circles(self, circle: Circle, copies: int, colour: str, scale: float) -> None:
         thickness = max(0.006 * SIZE, 0.02 * scale * circle.radius_m)
         radius = scale * circle.radius_m
-        for k in range(feature.copies):
-            a = 2 * np.pi * k / feature.copies
+        for k in range(copies):
+            a = 2 * np.pi * k / copies
             turn = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
             centre, normal = scale * turn @ circle.centre, turn @ circle.normal
             ring = self._scene.ring(radius - thickness / 2, radius + thickness / 2, theta_segments=72)
@@ -90,14 +97,14 @@ class PartScene:
 
     def _draw_gripper(self, grasp: PlaceGrasp, scale: float, chosen: bool) -> None:
         """Two fingers, their tips at the tool centre point, and the palm that they come from."""
-        colour, opacity = (GRIPPER_CHOSEN, 0.95) if chosen else (GRIPPER, 0.35)
+        colour, opacity = (GRIPPER_CHOSEN, 0.95) if chosen else (GRIPPER, FAINT)
         thick, wide, long = 0.035 * SIZE, 0.09 * SIZE, 0.34 * SIZE
         offset = scale * grasp.width_m / 2 + (thick / 2 if grasp.kind == "outside" else -thick / 2)
         turns = range(grasp.copies if chosen else 1)
         for k in turns:
             a = 2 * np.pi * k / grasp.copies
             turned = RigidTransform.from_matrix(_about_z(a)) * pose_of(grasp.T_part_tcp)
-            shade = opacity if k == 0 else 0.10
+            shade = opacity if k == 0 else FAINTEST
             with self._scene.group() as group:
                 _place(group, turned, scale)
                 for side in (-1, 1):
@@ -107,6 +114,11 @@ class PartScene:
                     palm = self._scene.box(2 * abs(offset) + 2 * thick, wide, thick)
                     palm.move(0, 0, -long - thick / 2).material(colour, shade)
                     self._scene.line([0, 0, -long], [0, 0, 0]).material(colour)
+
+
+def _rounded(circle: Circle) -> tuple[float, ...]:
+    """A circle to a micrometre, by which it is known again."""
+    return (*circle.centre.round(6).tolist(), *circle.normal.round(4).tolist(), round(circle.radius_m, 6))
 
 
 def _about_z(angle: float) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import socket
 from pathlib import Path
@@ -53,8 +54,8 @@ def serve(directory: Path, out: Path, services: Services, port: int | None = Non
     _routes(workshop)
 
     def start() -> None:
-        background_tasks.create(workshop.run(), name="extract")
-        print(f"Teach {workshop.part_name} at http://{HOST}:{port}/  (Ctrl-C ends; nothing is lost)", flush=True)
+        background_tasks.create(workshop.run(), name="workshop")
+        background_tasks.create(_announce(workshop.part_name, port), name="announce")
 
     app.on_startup(start)
     try:
@@ -74,6 +75,19 @@ def serve(directory: Path, out: Path, services: Services, port: int | None = Non
         )
     finally:
         workshop.close()
+
+
+async def _announce(part: str, port: int) -> None:
+    """Say where the page is, once it can be reached."""
+    while True:
+        try:
+            _, writer = await asyncio.open_connection(HOST, port)
+        except OSError:
+            await asyncio.sleep(0.05)
+            continue
+        writer.close()
+        print(f"Teach {part} at http://{HOST}:{port}/  (Ctrl-C ends; nothing is lost)", flush=True)
+        return
 
 
 def _page(workshop: Workshop) -> None:

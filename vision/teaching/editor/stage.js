@@ -231,7 +231,7 @@ export default {
       this.refresh();
     },
     removeLatest() {
-      const index = this.hover.point >= 0 ? this.hover.point : this.get_points().length - 1;
+      const index = this.hover.point >= 0 ? this.hover.point : this.markedPoints().length - 1;
       if (index >= 0) this.removePoint(index);
     },
     runCursor(how) {

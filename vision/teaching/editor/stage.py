@@ -37,7 +37,7 @@ class Stage(ui.element, component="stage.js", esm={"focalpick-stage": "static"})
             self.on(name, _unpacked(handler))
 
     def patch(self, **message: Any) -> None:
-        """Send what changed: ``changes``, ``feature``, ``guide``, ``overlays``, ``stored``, ``status``, ``preview``."""
+        """Send what changed: ``changes``, ``feature``, ``guide``, ``overlays``, ``stored``, ``status`` and others."""
         self.run_method("patch", message)
 
     def look(self, view: int) -> None:

@@ -10,7 +10,7 @@ from nicegui import background_tasks, ui
 from vision.errors import FocalpickError
 from vision.extraction_thresholds import ExtractionThresholds
 from vision.teaching import events as ev
-from vision.teaching.editor.fields import Fields
+from vision.teaching.editor.fields import Fields, on_commit
 from vision.teaching.editor.workers import StoppedError
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class ThresholdPanel:
                     ui.label(meaning).classes("teach-muted")
                 ui.label(f"{usual[name]:g}").classes("teach-number teach-muted")
                 numbers[name] = ui.number(min=0).props(f'dense outlined aria-label="{title}"')
-                numbers[name].on("blur", self._apply).on("keydown.enter", self._apply)
+                on_commit(numbers[name], self._apply)
                 proposed[name] = ui.label("–").classes("teach-number")
         return numbers, proposed
 

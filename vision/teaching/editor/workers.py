@@ -8,12 +8,17 @@ import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.queues import Queue
 from multiprocessing.synchronize import Event
 from typing import Any, TypeVar
 
+from vision.errors import ResourceError
+
 T = TypeVar("T")
 Report = Callable[[Any], object]
+Message = tuple[bool, Any]
+"""Whether the function has ended; if not, what it reports."""
 
 
 class StoppedError(Exception):
@@ -25,13 +30,15 @@ class Worker:
 
     def __init__(self) -> None:
         """The process starts with the first task."""
-        context = multiprocessing.get_context("spawn")
-        self._reports: Queue[Any] = context.Queue()
-        self._stop = context.Event()
-        self._executor = ProcessPoolExecutor(1, context, _begin, (self._reports, self._stop))
-        self._on_report: Callable[[Any], object] | None = None
-        self._listener = threading.Thread(target=self._listen, name="reports", daemon=True)
-        self._listener.start()
+        self._context = multiprocessing.get_context("spawn")
+        self._messages: Queue[Message | None] = self._context.Queue()
+        self._stop = self._context.Event()
+        self._executor = self._start()
+        self._hear: Callable[[Message], object] | None = None
+        threading.Thread(target=self._listen, name="reports", daemon=True).start()
+
+    def _start(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(1, self._context, _begin, (self._messages, self._stop))
 
     async def run(self, function: Callable[..., T], *arguments: Any, on_report: Report | None = None) -> T:
         """Run ``function(*arguments)`` there; with a listener also ``report=``, to be called with any value.
@@ -39,16 +46,35 @@ class Worker:
         Args:
             function: importable by name.
             arguments: that can be pickled.
-            on_report: called in this event loop with what the function reports.
+            on_report: called in this event loop with what the function reports, and no more once this returns.
 
         Raises:
             StoppedError: when :meth:`stop` was called.
+            ResourceError: when the process was ended from outside, as for want of memory.
             Exception: what the function raises.
         """
         loop = asyncio.get_running_loop()
+        ended = asyncio.Event()
+
+        def hear(message: Message) -> None:
+            done, value = message
+            if done:
+                ended.set()
+            elif on_report is not None:
+                on_report(value)
+
         self._stop.clear()
-        self._on_report = None if on_report is None else lambda value: loop.call_soon_threadsafe(on_report, value)
-        return await loop.run_in_executor(self._executor, _call, function, arguments, on_report is not None)
+        self._hear = lambda message: loop.call_soon_threadsafe(hear, message)
+        try:
+            result = await loop.run_in_executor(self._executor, _call, function, arguments, on_report is not None)
+        except BrokenProcessPool:
+            self._executor = self._start()
+            raise ResourceError("background process: got ended from outside; expected enough memory") from None
+        except Exception:
+            await ended.wait()
+            raise
+        await ended.wait()
+        return result
 
     def stop(self) -> None:
         """Make the running function end at its next report."""
@@ -57,23 +83,25 @@ class Worker:
     def close(self) -> None:
         """End the process; a running function ends at its next report."""
         self._stop.set()
+        self._hear = None
         self._executor.shutdown(wait=False, cancel_futures=True)
-        self._reports.put(None)
+        self._messages.put(None)
 
     def _listen(self) -> None:
-        while (value := self._reports.get()) is not None:
-            if self._on_report:
-                self._on_report(value)
+        while (message := self._messages.get()) is not None:
+            hear = self._hear
+            if hear is not None:
+                hear(message)
 
 
-_reports: Queue[Any]
+_messages: Queue[Message | None]
 _stop: Event
 
 
-def _begin(reports: Queue[Any], stop: Event) -> None:
+def _begin(messages: Queue[Message | None], stop: Event) -> None:
     """Settle the new process: it leaves Ctrl-C to its parent."""
-    global _reports, _stop
-    _reports, _stop = reports, stop
+    global _messages, _stop
+    _messages, _stop = messages, stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     import cv2
 
@@ -81,10 +109,13 @@ def _begin(reports: Queue[Any], stop: Event) -> None:
 
 
 def _call(function: Callable[..., T], arguments: tuple[Any, ...], reporting: bool) -> T:
-    return function(*arguments, report=_report) if reporting else function(*arguments)
+    try:
+        return function(*arguments, report=_report) if reporting else function(*arguments)
+    finally:
+        _messages.put((True, None))
 
 
 def _report(value: Any) -> None:
     if _stop.is_set():
         raise StoppedError
-    _reports.put(value)
+    _messages.put((False, value))

@@ -45,6 +45,7 @@ class Workshop:
         inspector: works out what follows from marks.
         session: as it stands.
         stored_problem: why the session could not be stored, or "".
+        last_seen: the view and the feature that a page turned to last; the next one begins there.
     """
 
     def __init__(self, directory: Path, out: Path, services: Services) -> None:
@@ -59,6 +60,7 @@ class Workshop:
         self.inspector = Inspector(self.views)
         self.session = self._open()
         self.stored_problem = ""
+        self.last_seen: tuple[int, str | None] = (0, None)
         self.thinking = Worker()
         self.extraction = Extraction(self.views)
         self._saved: Document | None = self.session.document if out.exists() else None

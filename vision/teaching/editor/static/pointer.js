@@ -8,13 +8,13 @@ export const pointerMethods = {
     const box = this.$refs.canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
   },
-  get_points() {
+  markedPoints() {
     return this.state.views[this.number].marks[this.state.feature]?.points ?? [];
   },
   sense(place) {
     const pixel = this.viewport.toPicture(place);
     const reach = REACH / this.viewport.scale;
-    this.hover.point = nearestPoint(this.get_points(), pixel, reach);
+    this.hover.point = nearestPoint(this.markedPoints(), pixel, reach);
     const overlay = this.album.views[this.number].overlay;
     const picking = this.tool === "pick" && this.hover.point < 0 && overlay;
     this.hover.candidate = picking ? nearestContour(overlay.candidates, pixel, 1.5 * reach) : undefined;
@@ -38,7 +38,7 @@ export const pointerMethods = {
       event.preventDefault();
       this.gesture = { kind: "pan", place, moved: true };
     } else if (this.hover.point >= 0) {
-      const points = this.get_points().map((p) => [...p]);
+      const points = this.markedPoints().map((p) => [...p]);
       this.gesture = { kind: "point", index: this.hover.point, points, place, moved: false, asked: 0 };
     } else this.gesture = { kind: "click", place, moved: false };
   },
