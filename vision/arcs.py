@@ -14,8 +14,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.alignment import projection_row, solve_normal_equations, turn_and_move
-from vision.camera import View
-from vision.candidates import SalientCircles, Workspace, poses_of
+from vision.camera import Camera, View
+from vision.candidates import SalientCircles, Workspace
 from vision.grouping import Grouping
 
 Array = NDArray[np.float64]
@@ -23,6 +23,7 @@ Indices = NDArray[np.intp]
 
 POINTS_PER_ARC = 30
 MOST_ARCS = 60
+MOST_UNEXPLAINED = 16
 NOISE_PX = 0.5
 TILT_SIGMA_RAD = np.radians(12.0)
 DEPTH_SIGMA = 0.02  # relative
@@ -61,7 +62,7 @@ def arc_poses(
     """The poses that the arcs of all views suggest, as outlines of flat lying parts at several depths.
 
     Args:
-        arcs: of every view.
+        arcs: of every view, longest first; only the first ones are tried.
         views: with distortion-free lenses.
         cameras: their arrays, see :func:`vision.camera.camera_arrays`.
         circles: the model's salient circles.
@@ -74,7 +75,7 @@ def arc_poses(
     outlines = np.flatnonzero(circles.radius > 0.85 * circles.radius.max())
     for v, (view, mine) in enumerate(zip(views, arcs, strict=True)):
         T_camera_world, intrinsics = cameras[0][v], cameras[1][v]
-        for arc in mine:
+        for arc in mine[:MOST_UNEXPLAINED]:
             stride = max(len(arc.points) // POINTS_PER_ARC, 1)
             points, inwards = np.ascontiguousarray(arc.points[::stride]), arc.inwards[::stride]
             for k in outlines:
@@ -92,19 +93,22 @@ def _starts(
     points: Array, inwards: Array, view: View, circles: SalientCircles, k: int, workspace: Workspace
 ) -> Array:
     """Flat lying parts whose circle k, seen at several depths, passes through the arc."""
-    T = view.T_world_camera.as_matrix()
-    eye, camera = T[:3, 3], view.camera
-    axis = np.array([0.0, 0.0, circles.side[k]])
+    T, camera = view.T_world_camera.as_matrix(), view.camera
+    eye = T[:3, 3]
     heights = workspace.low[2] + np.array(DEPTH_LEVELS) * (workspace.high[2] - workspace.low[2])
-    origins = []
-    for height in heights:
-        middle = points.mean(axis=0)
-        ray = T[:3, :3] @ camera.rays(middle)[0]
-        distance = (height - eye[2]) / ray[2]
-        centre_px = np.median(points + inwards * (camera.fx * circles.radius[k] / distance), axis=0)
-        ray = T[:3, :3] @ camera.rays(centre_px)[0]
-        origins.append(eye + (height - eye[2]) / ray[2] * ray - circles.height[k] * axis)
-    return poses_of(np.array(origins), np.tile(axis, (len(origins), 1)))
+    ray = T[:3, :3] @ _ray(points.mean(axis=0), camera)
+    radius_px = camera.fx * circles.radius[k] * ray[2] / (heights - eye[2])
+    centres = np.median(points, axis=0) + radius_px[:, None] * np.median(inwards, axis=0)
+    rays = np.array([T[:3, :3] @ _ray(centre, camera) for centre in centres])
+    poses = np.tile(np.eye(4), (len(heights), 1, 1))
+    poses[:, 1:3, 1:3] *= circles.side[k]  # half a turn about x where the back is up
+    poses[:, :3, 3] = eye + ((heights - eye[2]) / rays[:, 2])[:, None] * rays
+    poses[:, 2, 3] -= circles.side[k] * circles.height[k]
+    return poses
+
+
+def _ray(pixel: Array, camera: Camera) -> Array:
+    return np.array([(pixel[0] - camera.cx) / camera.fx, (pixel[1] - camera.cy) / camera.fy, 1.0])
 
 
 @njit(cache=True)

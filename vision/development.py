@@ -84,9 +84,9 @@ class Development:
             free = np.linalg.norm(poses[:, :3, 3] - T[:3, 3], axis=1) > separation
             free &= share_inside(poses, T, self.circles) < CLASHING_SHARE
             poses, seed = poses[free], seed[free]
-        poses = self._at_best_depth(poses, seed)
         best = np.argsort(-self._loose_support(poses), kind="stable")[: self.parameters.candidates]
-        poses, seed = self._aligned_on_rims(poses[best]), seed[best]
+        poses, seed = poses[best], seed[best]
+        poses = self._aligned_on_rims(self._at_best_depth(poses, seed))
         return self._pool(poses, votes_of(poses, self.scene.cameras, self.circles.arrays, table)[1], seed)
 
     def _pool(self, poses: Array, matches: Indices, seed: Indices) -> HypothesisPool:
