@@ -21,7 +21,7 @@ class MatchingParameters:
         joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points.
     """
 
-    candidates: int = 40
+    candidates: int = 32
     minimum_scores: tuple[float, ...] = (0.6, 0.5, 0.42)
     minimum_separation: float = 0.12
     reach_px: tuple[float, ...] = (3.0, 2.0, 1.5, 1.5)
