@@ -48,4 +48,4 @@ def test_two_plates_cannot_be_in_one_place(plate, pose):
     poses = np.stack([T.as_matrix() for T in (beside, above, through)])
     share = share_inside(poses, found.as_matrix(), circles)
     assert share[:2].tolist() == [0, 0]
-    assert share[2] > 0.2
+    assert share[2] > 0.15
