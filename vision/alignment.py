@@ -66,9 +66,9 @@ def align_on_ellipses(poses, matches, cameras, circles, table, iterations):  # t
                         x, y = eye[0] + reach * rx, eye[1] + reach * ry
                         length = max(np.sqrt(x * x + y * y), 1e-12)
                         x, y = radius[k] * x / length, radius[k] * y / length
-                        if _row(T, T_camera_world[v], intrinsics[v], (x, y, height[k]), (-y, x, 0.0), points[j, 0],
-                                points[j, 1], rows[count], residuals, count):  # fmt: skip
-                            count += 1
+                        model, along = (x, y, height[k]), (-y, x, 0.0)
+                        count += projection_row(T, T_camera_world[v], intrinsics[v], model, along, points[j], rows,
+                                                residuals, count)  # fmt: skip
             if count < FEWEST_POINTS:
                 good[i] = False
                 break
@@ -135,10 +135,8 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
                         continue
                     if abs((ex - u) * dw - (ey - w) * du) > reach * length:
                         continue
-                    if _row(T, T_camera_world[v], intrinsics[v], (points[s, 0], points[s, 1], points[s, 2]),
-                            (tangents[s, 0], tangents[s, 1], tangents[s, 2]), ex, ey, rows[count], residuals,
-                            count):  # fmt: skip
-                        count += 1
+                    count += projection_row(T, T_camera_world[v], intrinsics[v], points[s], tangents[s],
+                                            nearest[v, line, column], rows, residuals, count)  # fmt: skip
             if count < FEWEST_POINTS:
                 good[i] = False
                 break
@@ -147,8 +145,11 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
 
 
 @njit(cache=True)
-def _row(T, T_camera_world, intrinsics, point, tangent, seen_x, seen_y, row, residuals, count):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """One line of the normal equations: d(distance along the normal)/d(translation, rotation about the origin)."""
+def projection_row(T, T_camera_world, intrinsics, point, tangent, seen, rows, residuals, count):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Write row ``count``: d(distance along the normal)/d(translation, rotation about the origin), and the distance.
+
+    Returns False, and leaves the row to the next point, where the point is behind the camera.
+    """
     fx, fy, cx, cy = intrinsics
     ax, ay, az = rotated(T, point)
     x, y, z = ax + T[0, 3], ay + T[1, 3], az + T[2, 3]
@@ -166,9 +167,9 @@ def _row(T, T_camera_world, intrinsics, point, tangent, seen_x, seen_y, row, res
     tox, toy, toz = ay * gz - az * gy, az * gx - ax * gz, ax * gy - ay * gx
     M = T_camera_world
     for j in range(3):
-        row[j] = M[0, j] * gx + M[1, j] * gy + M[2, j] * gz
-        row[3 + j] = M[0, j] * tox + M[1, j] * toy + M[2, j] * toz
-    residuals[count] = mx * (seen_x - (fx * x / z + cx)) + my * (seen_y - (fy * y / z + cy))
+        rows[count, j] = M[0, j] * gx + M[1, j] * gy + M[2, j] * gz
+        rows[count, 3 + j] = M[0, j] * tox + M[1, j] * toy + M[2, j] * toz
+    residuals[count] = mx * (seen[0] - (fx * x / z + cx)) + my * (seen[1] - (fy * y / z + cy))
     return True
 
 
@@ -197,12 +198,12 @@ def _step(T, rows, residuals, inplane):  # type: ignore[no-untyped-def]  # pragm
                 N[3 + a, 3 + b] += stiff * T[a, 2] * T[b, 2]
     for a in range(6):
         N[a, a] *= 1 + 1e-9
-    step = _solve(N, g)
-    _move(T, step)
+    step = solve_normal_equations(N, g)
+    turn_and_move(T, step)
 
 
 @njit(cache=True)
-def _solve(N, g):  # type: ignore[no-untyped-def]  # pragma: no cover
+def solve_normal_equations(N, g):  # type: ignore[no-untyped-def]  # pragma: no cover
     """The solution of N x = g by Cholesky's decomposition; directions that nothing determines stay zero."""
     n = len(g)
     L, x = np.zeros((n, n)), np.zeros(n)
@@ -234,7 +235,7 @@ def _solve(N, g):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _move(T, step):  # type: ignore[no-untyped-def]  # pragma: no cover
+def turn_and_move(T, step):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Translate, and turn about the part's origin by a rotation vector."""
     for a in range(3):
         T[a, 3] += step[a]

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.alignment import align_on_edges
+from vision.arcs import Arc
+from vision.body import cover
 from vision.camera import View, camera_arrays
 from vision.evidence import EdgeField
 from vision.model_contour import ModelContour, tally_support
-from vision.occlusion import cover
 from vision.pose import Observations
 from vision.vision_model import VisionModel
 
@@ -165,6 +166,10 @@ class SceneEdges:
             x, y = np.round(projection.pixels[support > CLAIM_SUPPORT]).astype(np.intp).T
             mine[y, x] = 1
             self._claimed[v] |= cv2.dilate(mine, np.ones((2 * width_px + 1,) * 2, np.uint8)) > 0
+
+    def unclaimed(self, view: int, arcs: Sequence[Arc]) -> list[Arc]:
+        """The arcs of a view of which most points have not been claimed."""
+        return [arc for arc in arcs if self._is_claimed(view, arc.points).mean() < 0.3]
 
     def _tally(self, poses: Array, contour: ModelContour, reach_px: float) -> tuple[Array, Array]:
         """Sum of the support (N, V, C), and number of the samples (N, V, C, 2) in sight, and of all that face it."""

@@ -21,7 +21,7 @@ class HypothesisPool:
     Attributes:
         poses: (N, 4, 4) T_world_part.
         matches: (N, V, K) the ellipses matched to the salient circles, -1 for none.
-        seed: (N, 3) view, ellipse and salient circle that the hypothesis was made from.
+        seed: (N, 3) view, ellipse and salient circle that the hypothesis was made from; -1 for an arc.
         salient: (N,) edge support of the salient circles.
         score: (N,) edge support of all circles; that of the salient ones before the hypothesis is turned.
         turned: (N,) whether the rotation about the axis has been looked for.
@@ -41,6 +41,13 @@ class HypothesisPool:
         """New hypotheses, not yet turned about their axes."""
         no = np.zeros(len(poses), bool)
         return cls(poses, matches, seed, salient, salient, no, no)
+
+    @classmethod
+    def empty(cls, views: int, circles: int) -> HypothesisPool:
+        """No hypotheses about a model with so many salient circles in so many views."""
+        none = np.empty(0)
+        matches = np.empty((0, views, circles), np.intp)
+        return cls.of(np.empty((0, 4, 4)), matches, np.empty((0, 3), np.intp), none)
 
     def __len__(self) -> int:
         """Number of hypotheses."""

@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from vision.arcs import Arc, arcs_of
 from vision.camera import View
 from vision.candidates import Workspace
 from vision.ellipse import Ellipse
@@ -15,8 +16,9 @@ from vision.errors import InputError
 from vision.evidence import EdgeField
 from vision.extraction_thresholds import ExtractionThresholds
 from vision.features import EllipseFeature, Process
-from vision.grouping import group_ellipses
-from vision.matching import Matcher, MatchingParameters
+from vision.grouping import group_edges, group_ellipses
+from vision.matching import Matcher
+from vision.matching_parameters import MatchingParameters
 from vision.pose import PoseEstimate
 from vision.region_attributes import AttributeConstraints
 from vision.regions import region_ellipses
@@ -25,6 +27,7 @@ from vision.vision_model import VisionModel
 
 GREY_SLACK = (0.1, 2.5)
 SMALLEST_AREA_SHARE = 0.05
+SHORTEST_ARC = 0.35  # of the outline's radius
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +102,9 @@ class EllipseLocalizer:
         if not views:
             return Localization(())
         flat = [v.undistorted() for v in views]
-        features = [self.extract(v, workspace) for v in flat]
-        estimates = self._match(flat, features, workspace, joint_edges=len(self.processes) > 1)
+        seen = [self._extract(v, workspace) for v in flat]
+        features, arcs = [s[0] for s in seen], [s[1] for s in seen]
+        estimates = self._match(flat, features, arcs, workspace, joint_edges=len(self.processes) > 1)
         return Localization(estimates, tuple(tuple(f) for f in features))
 
     def alone(
@@ -121,14 +125,31 @@ class EllipseLocalizer:
         answers: dict[str, tuple[PoseEstimate, ...]] = {}
         for process in self.processes:
             mine = [[f for f in found if f.process == process] for found in localization.features]
-            answers[process] = self._match(flat, mine, workspace, joint_edges=False)
+            answers[process] = self._match(flat, mine, (), workspace, joint_edges=False)
         return answers
 
     def extract(self, view: View, workspace: Workspace | None = None) -> list[EllipseFeature]:
         """The ellipses that the extractors find in one view with a distortion-free lens."""
-        constraints = attribute_constraints(self.models, view, workspace)
-        found = extract_features(view, self.processes, constraints, common_thresholds(self.models))
-        return [f for f in found if self._plausible(f.ellipse, view, workspace)]
+        return self._extract(view, workspace)[0]
+
+    def _extract(self, view: View, workspace: Workspace | None) -> tuple[list[EllipseFeature], list[Arc]]:
+        """The ellipses of a view, and the arcs to fall back on where both extractors are at work."""
+        thresholds = common_thresholds(self.models)
+        found: list[EllipseFeature] = []
+        arcs: list[Arc] = []
+        if "region" in self.processes:
+            found += _region_features(view, attribute_constraints(self.models, view, workspace), thresholds)
+        if "group" in self.processes:
+            grouping = group_edges(view.gray, thresholds.grouping)
+            found += grouping.features
+            if workspace is not None and len(self.processes) > 1:
+                arcs = arcs_of(grouping, SHORTEST_ARC * self._outline_px(view, workspace))
+        return [f for f in found if self._plausible(f.ellipse, view, workspace)], arcs
+
+    def _outline_px(self, view: View, workspace: Workspace) -> float:
+        """Radius of the smallest part's outline at the far side of the workspace."""
+        outlines = [max(f.circle.radius_m for f in m.salient) for m in self.models]
+        return view.camera.fx * min(outlines) / _depth_range(view, workspace)[1]
 
     def _plausible(self, ellipse: Ellipse, view: View, workspace: Workspace | None) -> bool:
         """The size constraint: some salient circle of some model can look that large from here."""
@@ -144,6 +165,7 @@ class EllipseLocalizer:
         self,
         views: Sequence[View],
         features: Sequence[Sequence[EllipseFeature]],
+        arcs: Sequence[Sequence[Arc]],
         workspace: Workspace | None,
         *,
         joint_edges: bool,
@@ -153,7 +175,7 @@ class EllipseLocalizer:
         found = [
             estimate
             for model in self.models
-            for estimate in Matcher(views, fields, model, workspace, parameters).match(features)
+            for estimate in Matcher(views, fields, model, workspace, parameters).match(features, arcs)
         ]
         return tuple(sorted(found, key=lambda e: -e.score))
 
@@ -173,14 +195,19 @@ def extract_features(
         thresholds: of the extractors; None for their own.
     """
     thresholds = thresholds or ExtractionThresholds()
-    gray = view.gray
     found: list[EllipseFeature] = []
     if "region" in processes:
-        growing = thresholds.growing
-        found += region_ellipses(segment(gray, growing), gray, constraints, thresholds.boundary_fit, growing)
+        found += _region_features(view, constraints, thresholds)
     if "group" in processes:
-        found += group_ellipses(gray, thresholds.grouping)
+        found += group_ellipses(view.gray, thresholds.grouping)
     return found
+
+
+def _region_features(
+    view: View, constraints: AttributeConstraints | None, thresholds: ExtractionThresholds
+) -> list[EllipseFeature]:
+    gray, growing = view.gray, thresholds.growing
+    return region_ellipses(segment(gray, growing), gray, constraints, thresholds.boundary_fit, growing)
 
 
 def common_thresholds(models: Sequence[VisionModel]) -> ExtractionThresholds:

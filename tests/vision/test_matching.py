@@ -10,7 +10,8 @@ from vision.candidates import Workspace
 from vision.circle_pose import project_circle
 from vision.evidence import EdgeField
 from vision.features import EllipseFeature
-from vision.matching import Matcher, MatchingParameters
+from vision.matching import Matcher
+from vision.matching_parameters import MatchingParameters
 
 WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))
 

@@ -1,4 +1,4 @@
-"""What the parts already found hide from the cameras: their discs and walls, as depths per pixel."""
+"""The body that a part's coaxial circles span: what it hides from the cameras, and that nothing else can be in it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.camera import View
+from vision.candidates import SalientCircles
 from vision.vision_model import VisionModel
 
 Array = NDArray[np.float64]
 
 SAMPLES = 48
+OUTLINE_SHARE = 0.85  # of the largest radius: circles that large are outlines
+BODY_SLACK = 0.1  # of the thickness
 
 
 def cover(depth: NDArray[np.float32], T_world_part: Array, view: View, model: VisionModel) -> None:
@@ -52,6 +55,30 @@ def cover(depth: NDArray[np.float32], T_world_part: Array, view: View, model: Vi
     np.minimum(window, body, out=window)
 
 
+def share_inside(poses: Array, T_world_found: Array, circles: SalientCircles) -> Array:
+    """Share of each pose's outlines (N,) that would run through the body of a part already found.
+
+    The body is the slab between the outlines of front and back, a little less for the errors of both poses.
+
+    Args:
+        poses: (N, 4, 4) T_world_part.
+        T_world_found: 4x4 pose of the part found, of the same kind.
+        circles: the salient circles of that kind.
+    """
+    outline = circles.radius > OUTLINE_SHARE * circles.radius.max()
+    radius, height = circles.radius[outline], circles.height[outline]
+    t = np.linspace(0, 2 * np.pi, SAMPLES // 2, endpoint=False)
+    ring = np.column_stack([np.cos(t), np.sin(t)])
+    points = [
+        np.column_stack([r * ring, np.full(len(t), h), np.ones(len(t))]) for r, h in zip(radius, height, strict=True)
+    ]
+    T_found_part = np.linalg.inv(T_world_found) @ poses
+    x, y, z, _ = np.einsum("nij,pj->inp", T_found_part, np.concatenate(points))
+    slack = BODY_SLACK * (height.max() - height.min())
+    within = (z > height.min() + slack) & (z < height.max() - slack) & (np.hypot(x, y) < 0.95 * radius.max())
+    return np.asarray(within.mean(axis=1))
+
+
 def _seen_through(
     model: VisionModel, T_camera_part: Array, view: View, corner: tuple[int, int], shape: tuple[int, ...]
 ) -> NDArray[np.bool_]:
@@ -73,7 +100,7 @@ def _outlines(model: VisionModel, T_camera_part: Array) -> list[Array]:
     """Points (N, 3) of the salient circles nearly as large as the largest: the outlines of front and back."""
     circles = [f.circle for f in model.salient]
     largest = max(c.radius_m for c in circles)
-    points = [c.sample(SAMPLES) for c in circles if c.radius_m > 0.85 * largest]
+    points = [c.sample(SAMPLES) for c in circles if c.radius_m > OUTLINE_SHARE * largest]
     return [p @ T_camera_part[:3, :3].T + T_camera_part[:3, 3] for p in points]
 
 

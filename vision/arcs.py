@@ -1,0 +1,192 @@
+"""Poses behind a single arc: the last resort for a part of which little more than a piece of its outline shows.
+
+An arc alone determines an ellipse badly, but the radius is taught, parts lie in the bin more often flat than not, and
+the other views tell the depth; what an arc suggests under these priors, the edges of all views confirm or refute.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from vision.alignment import projection_row, solve_normal_equations, turn_and_move
+from vision.camera import Camera, View
+from vision.candidates import SalientCircles, Workspace
+from vision.grouping import Grouping
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+POINTS_PER_ARC = 30
+MOST_ARCS = 60
+MOST_UNEXPLAINED = 16
+NOISE_PX = 0.5
+TILT_SIGMA_RAD = np.radians(12.0)
+DEPTH_SIGMA = 0.02  # relative
+DEPTH_LEVELS = (0.15, 0.4, 0.65)  # of the workspace's height
+ITERATIONS = 8
+LARGEST_RESIDUAL_PX = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Arc:
+    """A smooth convex piece of an edge.
+
+    Attributes:
+        points: (N, 2) pixels along the edge.
+        inwards: (N, 2) unit normals towards the inside of the curve.
+    """
+
+    points: Array
+    inwards: Array
+
+
+def arcs_of(grouping: Grouping, shortest_px: float) -> list[Arc]:
+    """The longest smooth convex fragments that edge grouping found, longest first."""
+    long = [f for f in grouping.fragments if len(f.points) >= shortest_px]
+    long.sort(key=lambda f: -len(f.points))
+    return [Arc(f.points, f.gradients if f.inside_brighter else -f.gradients) for f in long[:MOST_ARCS]]
+
+
+def arc_poses(
+    arcs: Sequence[Sequence[Arc]],
+    views: Sequence[View],
+    cameras: tuple[Array, Array],
+    circles: SalientCircles,
+    workspace: Workspace,
+) -> tuple[Array, Indices]:
+    """The poses that the arcs of all views suggest, as outlines of flat lying parts at several depths.
+
+    Args:
+        arcs: of every view, longest first; only the first ones are tried.
+        views: with distortion-free lenses.
+        cameras: their arrays, see :func:`vision.camera.camera_arrays`.
+        circles: the model's salient circles.
+        workspace: where parts can be; its z axis points up.
+
+    Returns:
+        T_world_part (N, 4, 4) and seeds (N, 3): view, -1, number of the circle.
+    """
+    poses, seeds = [np.empty((0, 4, 4))], [np.empty((0, 3), np.intp)]
+    outlines = np.flatnonzero(circles.radius > 0.85 * circles.radius.max())
+    for v, (view, mine) in enumerate(zip(views, arcs, strict=True)):
+        T_camera_world, intrinsics = cameras[0][v], cameras[1][v]
+        for arc in mine[:MOST_UNEXPLAINED]:
+            stride = max(len(arc.points) // POINTS_PER_ARC, 1)
+            points, inwards = np.ascontiguousarray(arc.points[::stride]), arc.inwards[::stride]
+            for k in outlines:
+                started = _starts(points, inwards, view, circles, int(k), workspace)
+                circle = (circles.height[k], circles.side[k], circles.radius[k])
+                good = _fit_arc(started, points, T_camera_world, intrinsics, circle)
+                poses.append(started[good])
+                seeds.append(np.tile(np.array([v, -1, k], np.intp), (int(good.sum()), 1)))
+    found, seed = np.concatenate(poses), np.concatenate(seeds)
+    inside = workspace.contains(found[:, :3, 3], margin_m=0.25 * float(circles.radius.max()))
+    return found[inside], seed[inside]
+
+
+def _starts(
+    points: Array, inwards: Array, view: View, circles: SalientCircles, k: int, workspace: Workspace
+) -> Array:
+    """Flat lying parts whose circle k, seen at several depths, passes through the arc."""
+    T, camera = view.T_world_camera.as_matrix(), view.camera
+    eye = T[:3, 3]
+    heights = workspace.low[2] + np.array(DEPTH_LEVELS) * (workspace.high[2] - workspace.low[2])
+    ray = T[:3, :3] @ _ray(points.mean(axis=0), camera)
+    radius_px = camera.fx * circles.radius[k] * ray[2] / (heights - eye[2])
+    centres = np.median(points, axis=0) + radius_px[:, None] * np.median(inwards, axis=0)
+    rays = np.array([T[:3, :3] @ _ray(centre, camera) for centre in centres])
+    poses = np.tile(np.eye(4), (len(heights), 1, 1))
+    poses[:, 1:3, 1:3] *= circles.side[k]  # half a turn about x where the back is up
+    poses[:, :3, 3] = eye + ((heights - eye[2]) / rays[:, 2])[:, None] * rays
+    poses[:, 2, 3] -= circles.side[k] * circles.height[k]
+    return poses
+
+
+def _ray(pixel: Array, camera: Camera) -> Array:
+    return np.array([(pixel[0] - camera.cx) / camera.fx, (pixel[1] - camera.cy) / camera.fy, 1.0])
+
+
+@njit(cache=True)
+def _fit_arc(poses, points, T_camera_world, intrinsics, circle):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Fit poses to an arc in place, held by the priors on tilt and depth; False where it does not fit."""
+    height, side, radius = circle
+    n = len(points)
+    rows, residuals, good = np.empty((n, 6)), np.empty(n), np.ones(len(poses), np.bool_)
+    for i in range(len(poses)):
+        pose = poses[i]
+        start = pose.copy()
+        sight = np.empty(3)
+        for j in range(3):
+            sight[j] = T_camera_world[2, j]
+        depth = 0.0
+        for j in range(3):
+            depth += sight[j] * pose[j, 3]
+        depth += T_camera_world[2, 3]
+        turned = np.zeros(3)
+        count = 0
+        for _ in range(ITERATIONS):
+            T = T_camera_world @ pose
+            count = _rows_of_arc(T, T_camera_world, intrinsics, points, (height, radius), rows, residuals)
+            if count < n // 2:
+                break
+            N, g = np.zeros((6, 6)), np.zeros(6)
+            for r in range(count):
+                for a in range(6):
+                    g[a] += rows[r, a] * residuals[r]
+                    for b in range(6):
+                        N[a, b] += rows[r, a] * rows[r, b]
+            N /= NOISE_PX**2
+            g /= NOISE_PX**2
+            along = 0.0
+            for j in range(3):
+                along += sight[j] * (pose[j, 3] - start[j, 3])
+            stiff = 1 / (DEPTH_SIGMA * depth) ** 2
+            for a in range(3):
+                g[a] -= stiff * along * sight[a]
+                g[3 + a] -= turned[a] / TILT_SIGMA_RAD**2
+                N[3 + a, 3 + a] += 1 / TILT_SIGMA_RAD**2
+                for b in range(3):
+                    N[a, b] += stiff * sight[a] * sight[b]
+            step = solve_normal_equations(N, g)
+            for a in range(3):
+                turned[a] += step[3 + a]
+            turn_and_move(pose, step)
+        spread = np.median(np.abs(residuals[:count])) if count >= n // 2 else np.inf
+        good[i] = spread < LARGEST_RESIDUAL_PX and side * _facing(T_camera_world @ pose) < 0
+    return good
+
+
+@njit(cache=True)
+def _facing(T):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Negative where the part's z axis points towards the camera."""
+    return T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3]
+
+
+@njit(cache=True)
+def _rows_of_arc(T, T_camera_world, intrinsics, points, circle, rows, residuals):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Rows of the points that meet the plane of the circle in front of the camera; their number."""
+    fx, fy, cx, cy = intrinsics
+    height, radius = circle
+    count = 0
+    ex = -(T[0, 0] * T[0, 3] + T[1, 0] * T[1, 3] + T[2, 0] * T[2, 3])
+    ey = -(T[0, 1] * T[0, 3] + T[1, 1] * T[1, 3] + T[2, 1] * T[2, 3])
+    ez = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
+    for j in range(len(points)):
+        u, w = (points[j, 0] - cx) / fx, (points[j, 1] - cy) / fy
+        rx = T[0, 0] * u + T[1, 0] * w + T[2, 0]
+        ry = T[0, 1] * u + T[1, 1] * w + T[2, 1]
+        rz = T[0, 2] * u + T[1, 2] * w + T[2, 2]
+        if rz == 0.0:
+            continue
+        reach = (height - ez) / rz
+        x, y = ex + reach * rx, ey + reach * ry
+        length = max(np.sqrt(x * x + y * y), 1e-12)
+        x, y = radius * x / length, radius * y / length
+        model, along = (x, y, height), (-y, x, 0.0)
+        count += projection_row(T, T_camera_world, intrinsics, model, along, points[j], rows, residuals, count)
+    return count

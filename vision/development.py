@@ -1,0 +1,117 @@
+"""From candidates to hypotheses: refined on ellipses, moved to the right depth, laid on the edges of all views."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.alignment import align_on_ellipses
+from vision.arcs import Arc, arc_poses
+from vision.body import share_inside
+from vision.candidates import Candidates, SalientCircles, Workspace
+from vision.confirmation import SceneEdges
+from vision.ellipse_table import EllipseTable
+from vision.hypothesis_pool import HypothesisPool
+from vision.matching_parameters import MatchingParameters
+from vision.model_contour import ModelContour
+from vision.voting import votes_of
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+DEPTH_REACH_PX = 4.0
+DEPTH_PRIOR = 2.0  # support that a relative change of depth by one must gain
+CLASHING_SHARE = 0.2  # of the outlines inside another part
+
+
+class Development:
+    """Develops candidates of one model in one scene."""
+
+    def __init__(
+        self, scene: SceneEdges, circles: SalientCircles, contour: ModelContour, parameters: MatchingParameters
+    ) -> None:
+        """Prepare.
+
+        Args:
+            scene: the edges of all views.
+            circles: the model's salient circles.
+            contour: the model, sampled for the scene's scale.
+            parameters: settings.
+        """
+        self.scene, self.circles, self.contour, self.parameters = scene, circles, contour, parameters
+
+    def promising(self, candidates: Candidates, allowed: NDArray[np.bool_]) -> Indices:
+        """The candidates with the most votes, and those with the most unclaimed edges near their salient circles.
+
+        A part that a single ellipse speaks for has few votes, one amid clutter has edges everywhere: neither order
+        alone serves all.
+        """
+        open_ = np.flatnonzero(allowed)
+        support = self._loose_support(candidates.take(open_).poses())
+        share = self.parameters.candidates // 2
+        by_votes = open_[np.argsort(-candidates.votes[open_], kind="stable")][:share]
+        by_edges = open_[np.argsort(-support, kind="stable")][:share]
+        return np.array(list(dict.fromkeys([*by_votes.tolist(), *by_edges.tolist()])), dtype=np.intp)
+
+    def of_candidates(self, candidates: Candidates, table: EllipseTable) -> HypothesisPool:
+        """Refine candidates on their matched ellipses, match again, and weigh their circles about the axis."""
+        poses, matches = candidates.poses(), candidates.matches
+        cameras, circles = self.scene.cameras, self.circles.arrays
+        good = np.ones(len(poses), bool)
+        for _ in range(2):
+            good &= align_on_ellipses(poses, matches, cameras, circles, table.arrays, 4)
+            matches = votes_of(poses, cameras, circles, table)[1]
+        good &= (matches >= 0).any(axis=(1, 2))
+        poses, matches, seed = poses[good], matches[good], candidates.seed[good]
+        if self.parameters.joint_edges:
+            poses = self._aligned_on_rims(self._at_best_depth(poses, seed))
+        return self._pool(poses, matches, seed)
+
+    def of_arcs(
+        self,
+        arcs: Sequence[Sequence[Arc]],
+        workspace: Workspace,
+        table: EllipseTable,
+        found: Sequence[Array],
+    ) -> HypothesisPool:
+        """What the arcs suggest that no part found explains, moved to where the edges of all views agree."""
+        left = [self.scene.unclaimed(v, mine) for v, mine in enumerate(arcs)]
+        poses, seed = arc_poses(left, self.scene.views, self.scene.cameras, self.circles, workspace)
+        separation = self.parameters.minimum_separation * 2 * self.circles.radius.max()
+        for T in found:
+            free = np.linalg.norm(poses[:, :3, 3] - T[:3, 3], axis=1) > separation
+            free &= share_inside(poses, T, self.circles) < CLASHING_SHARE
+            poses, seed = poses[free], seed[free]
+        best = np.argsort(-self._loose_support(poses), kind="stable")[: self.parameters.candidates]
+        poses, seed = poses[best], seed[best]
+        poses = self._aligned_on_rims(self._at_best_depth(poses, seed))
+        return self._pool(poses, votes_of(poses, self.scene.cameras, self.circles.arrays, table)[1], seed)
+
+    def _pool(self, poses: Array, matches: Indices, seed: Indices) -> HypothesisPool:
+        return HypothesisPool.of(poses, matches, seed, self.scene.evidence(poses, self.contour.salient()).salient)
+
+    def _loose_support(self, poses: Array) -> Array:
+        return self.scene.evidence(poses, self.contour.sparse(), self.parameters.loose_reach_px).salient
+
+    def _at_best_depth(self, poses: Array, seed: Indices) -> Array:
+        """Poses moved along the line of sight of the view that made them to where all views show the most edges.
+
+        The size of one ellipse tells the depth within a percent or two, which another view sees as many pixels.
+        """
+        shares = np.array(self.parameters.depth_shares)
+        eyes = np.stack([v.T_world_camera.translation for v in self.scene.views])[seed[:, 0]]
+        moved = np.repeat(poses[:, None], len(shares), axis=1)
+        moved[:, :, :3, 3] += shares[:, None] * (poses[:, :3, 3] - eyes)[:, None]
+        support = self.scene.evidence(moved.reshape(-1, 4, 4), self.contour.sparse(), DEPTH_REACH_PX).salient
+        best = (support.reshape(moved.shape[:2]) - DEPTH_PRIOR * np.abs(shares)).argmax(axis=1)
+        return np.asarray(moved[np.arange(len(poses)), best])
+
+    def _aligned_on_rims(self, poses: Array) -> Array:
+        """Let the edges of all views correct poses that the ellipses of one view left uncertain."""
+        corrected = poses.copy()
+        good = self.scene.align(corrected, self.contour.salient(), self.parameters.rim_reach_px, inplane=False)
+        leash_m = self.parameters.leash * 2 * self.circles.radius.max()
+        good &= np.linalg.norm(corrected[:, :3, 3] - poses[:, :3, 3], axis=1) < leash_m
+        return np.where(good[:, None, None], corrected, poses)

@@ -1,0 +1,32 @@
+"""Settings of the matching."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class MatchingParameters:
+    """Settings of the matching.
+
+    Attributes:
+        candidates: how many of the most promising candidates are refined and confirmed in a round.
+        minimum_scores: edge support below which a pose is not accepted, round by round: what is beyond doubt first.
+        minimum_separation: distance of two parts below which one of them is a duplicate, in part diameters.
+        reach_px: how far from the projected model edges are looked for, iteration by iteration.
+        rim_reach_px: the same for the first correction of a candidate.
+        loose_reach_px: tolerance with which candidates are first weighed by the edges near them.
+        depth_shares: relative changes of the distance that are tried for a candidate.
+        leash: how far a refinement may move a pose before it has run away, in part diameters.
+        joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points.
+    """
+
+    candidates: int = 32
+    minimum_scores: tuple[float, ...] = (0.6, 0.5, 0.42)
+    minimum_separation: float = 0.12
+    reach_px: tuple[float, ...] = (3.0, 2.0, 1.5, 1.5)
+    rim_reach_px: tuple[float, ...] = (6.0, 5.0, 4.0, 3.0)
+    loose_reach_px: float = 7.0
+    depth_shares: tuple[float, ...] = (0.0, -0.02, -0.015, -0.01, -0.005, 0.005, 0.01, 0.015, 0.02)
+    leash: float = 0.05
+    joint_edges: bool = True
