@@ -124,7 +124,9 @@ def _numbers(values: Array) -> list[float]:
 
 
 def _pose_to_dict(T: RigidTransform) -> dict[str, Any]:
-    numbers = (_numbers(T.translation), _numbers(T.rotation.as_quat(canonical=True)))
+    # Rounded before its sign is settled: at half turns the sign would hang on the last bit of a zero.
+    quaternion = Rotation.from_quat(np.round(T.rotation.as_quat(), 12)).as_quat(canonical=True)
+    numbers = (_numbers(T.translation), _numbers(quaternion))
     return dict(zip(_POSE_KEYS, numbers, strict=True))
 
 
