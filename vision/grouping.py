@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.edges import EdgeMap, EdgeParameters, as_gray, detect_edges
-from vision.ellipse import Ellipse, overlap
+from vision.ellipse import Ellipse
 from vision.ellipse_filter import FilterParameters, FilterResult, distances, fit_ellipse, unshrink
+from vision.ellipse_pairs import is_known
 from vision.ellipse_score import COVERAGE, SCORE
 from vision.ellipse_support import EdgeField
 from vision.errors import InputError
@@ -132,7 +133,8 @@ def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | 
     if min(image.shape) >= _MIN_COARSE_PX:
         found = [(feature.score, feature.ellipse) for feature in features]
         for score, ellipse in _coarse_ellipses(image, parameters):
-            if not any(_same(ellipse, other, _COARSE_OVERLAP, np.inf) for _, other in found):
+            ps = np.array([other.p for _, other in found]).reshape(-1, 5)
+            if not is_known(ellipse.p, ps, len(ps), _COARSE_OVERLAP, np.inf):
                 found.append((score, ellipse))
         found.sort(key=lambda pair: -pair[0])
         return np.array([ellipse.geometric for _, ellipse in found]).reshape(-1, 5)
@@ -222,17 +224,17 @@ def _filter_survivors(
 ) -> list[EllipseFeature]:
     """Run the Kalman filter on every survivor; discard by fitting error; merge duplicates; best first."""
     features: list[EllipseFeature] = []
+    known = np.empty((len(numbers), 5))
     scores = quality[:, SCORE]
     for k in np.argsort(-scores, kind="stable"):
         points = unshrink(ps[k], edges.points[numbers[k]], parameters.edges.total_smoothing_px)
         result = _filtered(ps[k], points, parameters)
         if result is None or result.fitting_error_px > parameters.max_error_px:
             continue
-        if any(
-            _same(result.ellipse, other.ellipse, parameters.min_overlap, parameters.max_apart_px)
-            for other in features
-        ):
+        p = result.ellipse.p
+        if is_known(p, known, len(features), parameters.min_overlap, parameters.max_apart_px):
             continue
+        known[len(features)] = p
         features.append(
             EllipseFeature(
                 result.ellipse,
@@ -250,15 +252,6 @@ def _filtered(p: Array, points: Array, parameters: GroupingParameters) -> Filter
         return None
     supported_px = np.hypot(*np.diff(points, axis=0).T)
     return fit_ellipse(points, p, float(np.median(supported_px)), parameters.filter)
-
-
-def _same(a: Ellipse, b: Ellipse, min_overlap: float, max_apart_px: float) -> bool:
-    """Whether two ellipses are the same one, found twice, or the two edges of a thin rim."""
-    reach = 0.3 * min(a.p[4], b.p[4]) / 2
-    if np.abs(a.p[:2] + a.p[2:4] - b.p[:2] - b.p[2:4]).max() > 2 * reach or not 0.7 < a.p[4] / b.p[4] < 1.4:
-        return False
-    apart = np.abs(distances(a.p, b.sample(16))[0]).max()
-    return bool(apart < min(max_apart_px, reach)) and overlap(a, b) > min_overlap
 
 
 def _members(feature: EllipseFeature, points: Array, tolerance_px: float) -> tuple[int, ...]:
