@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from vision.ellipse_support import OUTSIDE, axes
-from vision.hypotheses import signed_distance
+from vision.hypotheses import norm2, signed_distance
 
 # Columns of the quality of a hypothesis.
 COVERAGE, ERROR, DIRECTION, VISIBLE, CHAIN, CLUTTER, SUPPORT, MINOR, SCORE = range(9)
@@ -54,7 +54,7 @@ def _clutter(p, edges, hits, steps):  # type: ignore[no-untyped-def]
         ct, st = np.cos(t), np.sin(t)
         bx, by = cx + major * ct * cos - minor * st * sin, cy + major * ct * sin + minor * st * cos
         nx, ny = minor * ct * cos - major * st * sin, minor * ct * sin + major * st * cos
-        norm = np.hypot(nx, ny)
+        norm = norm2(nx, ny)
         for offset in (-5, -3, 3, 5):
             x, y = int(bx + offset * nx / norm + 0.5), int(by + offset * ny / norm + 0.5)
             if x < 0 or y < 0 or x >= width or y >= height:
@@ -77,7 +77,7 @@ def assess(p, edges, hits, steps, counts, quality):  # type: ignore[no-untyped-d
     square, turned = 0.0, 0.0
     for k in range(steps):
         t = 2 * np.pi * k / steps
-        weight = np.hypot(major * np.sin(t), minor * np.cos(t))
+        weight = norm2(major * np.sin(t), minor * np.cos(t))
         total += weight
         if hits[k] == OUTSIDE:
             continue
@@ -90,7 +90,7 @@ def assess(p, edges, hits, steps, counts, quality):  # type: ignore[no-untyped-d
         j = hits[k]
         square += min(signed_distance(p, points[j, 0], points[j, 1]) ** 2, 9.0)
         nx, ny = minor * np.cos(t) * cos - major * np.sin(t) * sin, minor * np.cos(t) * sin + major * np.sin(t) * cos
-        cross = (nx * gradients[j, 1] - ny * gradients[j, 0]) / np.hypot(nx, ny)
+        cross = (nx * gradients[j, 1] - ny * gradients[j, 0]) / norm2(nx, ny)
         turned += cross * cross
     quality[:] = 0.0
     quality[VISIBLE] = weighted / max(total, 1e-9)

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.edges import EdgeMap
-from vision.hypotheses import solve5
+from vision.hypotheses import norm2, solve5
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class EdgeField(NamedTuple):
 def axes(p):  # type: ignore[no-untyped-def]
     """Centre, semi-axes, and direction of the major axis of the focal parameters p."""
     dx, dy = 0.5 * (p[0] - p[2]), 0.5 * (p[1] - p[3])
-    focal = np.hypot(dx, dy)
+    focal = norm2(dx, dy)
     major = 0.5 * p[4]
     minor = np.sqrt(max(major * major - focal * focal, 1e-6))
     cos, sin = (dx / focal, dy / focal) if focal > 1e-9 else (1.0, 0.0)
@@ -128,8 +128,8 @@ def refine(p, edges, hits, steps, iterations):  # type: ignore[no-untyped-def]
             if j < 0 or (k > 0 and hits[k - 1] == j):
                 continue
             ax, ay, bx, by = points[j, 0] - p[0], points[j, 1] - p[1], points[j, 0] - p[2], points[j, 1] - p[3]
-            s1, s2 = max(np.hypot(ax, ay), 1e-9), max(np.hypot(bx, by), 1e-9)
-            slope = max(np.hypot(ax / s1 + bx / s2, ay / s1 + by / s2), 1e-3)
+            s1, s2 = max(norm2(ax, ay), 1e-9), max(norm2(bx, by), 1e-9)
+            slope = max(norm2(ax / s1 + bx / s2, ay / s1 + by / s2), 1e-3)
             distance = (s1 + s2 - p[4]) / slope
             weight = 1 / (1 + distance * distance)
             row[0], row[1], row[2], row[3] = -ax / s1 / slope, -ay / s1 / slope, -bx / s2 / slope, -by / s2 / slope

@@ -262,7 +262,8 @@ def _measure(points, gradients, start, stop, sense, image, offset):  # type: ign
             centre[f, 0] += points[k, 0] / (b + 1 - a)
             centre[f, 1] += points[k, 1] / (b + 1 - a)
             if k > a:
-                length[f] += np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
+                dx, dy = points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1]
+                length[f] += np.sqrt(dx * dx + dy * dy)
         endpoints[f, 0], endpoints[f, 1] = points[a], points[b]
         chord = points[b] - points[a]
         size = max(np.hypot(chord[0], chord[1]), 1e-9)

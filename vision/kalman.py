@@ -9,17 +9,19 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from vision.hypotheses import norm2
+
 MIN_POINTS = 6
 
 
 @njit(cache=True)
 def measure(p, points, offset, slope):  # type: ignore[no-untyped-def]
-    """Signed distance of points (N, 2) to the ellipse p, to first order, into ``offset``, and |df/dz| into ``slope``."""
+    """First-order distances of points (N, 2) to p into ``offset`` (N,), and |df/dz| into ``slope`` (N,)."""
     for k in range(len(points)):
         ax, ay, bx, by = points[k, 0] - p[0], points[k, 1] - p[1], points[k, 0] - p[2], points[k, 1] - p[3]
-        s1, s2 = np.hypot(ax, ay), np.hypot(bx, by)
+        s1, s2 = norm2(ax, ay), norm2(bx, by)
         t1, t2 = max(s1, 1e-9), max(s2, 1e-9)
-        slope[k] = max(np.hypot(ax / t1 + bx / t2, ay / t1 + by / t2), 1e-3)
+        slope[k] = max(norm2(ax / t1 + bx / t2, ay / t1 + by / t2), 1e-3)
         offset[k] = (s1 + s2 - p[4]) / slope[k]
 
 
@@ -39,9 +41,9 @@ def update(prior, at, prior_px, points, inliers, deviation, posterior):  # type:
         if not inliers[k]:
             continue
         ax, ay, bx, by = points[k, 0] - at[0], points[k, 1] - at[1], points[k, 0] - at[2], points[k, 1] - at[3]
-        s1, s2 = np.hypot(ax, ay), np.hypot(bx, by)
+        s1, s2 = norm2(ax, ay), norm2(bx, by)
         t1, t2 = max(s1, 1e-9), max(s2, 1e-9)
-        weight = 1 / (max(np.hypot(ax / t1 + bx / t2, ay / t1 + by / t2), 1e-3) * deviation)
+        weight = 1 / (max(norm2(ax / t1 + bx / t2, ay / t1 + by / t2), 1e-3) * deviation)
         h[0], h[1], h[2], h[3], h[4] = -ax / t1, -ay / t1, -bx / t2, -by / t2, -1.0
         innovation = -(s1 + s2 - at[4]) * weight
         for i in range(5):
@@ -88,7 +90,7 @@ def iterate(points, initial, prior_px, spacing_px, floor, gate, correlation_px, 
         for i in range(5):
             step = max(step, abs(posterior[i] - p[i]))
             p[i] = posterior[i]
-        if not np.isfinite(p).all() or p[4] <= np.hypot(p[0] - p[2], p[1] - p[3]):
+        if not np.isfinite(p).all() or p[4] <= norm2(p[0] - p[2], p[1] - p[3]):
             return False, p, covariance, 0.0
         if step < 1e-2:
             break
