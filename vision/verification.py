@@ -147,7 +147,7 @@ def verify_hypotheses(
         most: largest number of survivors.
 
     Returns:
-        (S, 5) refined focal parameters and (S, 9) quality (columns: see ``ellipse_score.py``).
+        (S, 5) refined focal parameters and (S, 10) quality (columns: see ``ellipse_score.py``).
     """
     out_ps, out_quality = np.zeros((most, 5)), np.zeros((most, QUALITIES))
     found = search(ps, groups, edges, points.points, limits, out_ps, out_quality)
@@ -167,7 +167,7 @@ def select_survivors(
 
     Returns:
         Numbers of the K ellipses that are left, for each the numbers of its edge points along the outline, and
-        their (K, 9) quality.
+        their (K, 10) quality.
     """
     hits = np.full((len(order) + 1, MAX_STEPS), NOTHING, np.int64)
     steps, quality = np.zeros(len(order) + 1, np.int64), np.zeros((len(order) + 1, QUALITIES))
