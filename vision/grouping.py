@@ -22,10 +22,11 @@ from vision.verification import select_survivors, verify_hypotheses
 
 Array = NDArray[np.float64]
 
-# Of the second look of `detect_ellipses`, in pixels of the half-size image except the first one.
+# Of the two looks of `detect_ellipses`; the semi-major axis in pixels of the smaller image.
+_MAX_PX = 1600  # longer side; larger images are looked at with half the resolution
 _MIN_COARSE_PX = 64
 _MIN_COARSE_SEMI_MAJOR_PX = 5.0
-_MIN_COARSE_SCORE = 0.5
+_MIN_COARSE_SCORE = 0.35
 _COARSE_OVERLAP = 0.75  # half the resolution does not tell the two edges of a rim apart
 
 
@@ -64,7 +65,7 @@ class GroupingParameters:
     min_share: float = 0.08
     max_error_px: float = 0.9
     min_coverage: float = 0.3
-    min_score: float = 0.4
+    min_score: float = 0.35
     min_overlap: float = 0.85
     max_apart_px: float = np.inf
     max_hypotheses: int = 1200
@@ -113,6 +114,8 @@ class Grouping:
 def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | None = None) -> Array:
     """Find the ellipses in a photograph: those that edges show at full resolution, then others at half of it.
 
+    Images with more than 1600 px along a side are halved first, which bounds the time.
+
     The order is that of a score in [0, 1]: the probability of a true ellipse by a logistic model of coverage,
     accuracy, size and surroundings (see ``vision/ellipse_score.py``).
 
@@ -128,29 +131,39 @@ def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | 
         InputError: when ``gray`` is not an image, see :func:`vision.edges.as_gray`.
     """
     parameters = parameters or GroupingParameters()
-    image = as_gray(gray)
-    features = group_ellipses(image, parameters)
+    image, factor = _shrunk(as_gray(gray))
+    found = _scaled_ellipses(image, factor, parameters)
     if min(image.shape) >= _MIN_COARSE_PX:
-        found = [(feature.score, feature.ellipse) for feature in features]
-        for score, ellipse in _coarse_ellipses(image, parameters):
-            ps = np.array([other.p for _, other in found]).reshape(-1, 5)
-            if not is_known(ellipse.p, ps, len(ps), _COARSE_OVERLAP, np.inf):
-                found.append((score, ellipse))
+        coarse = replace(parameters, min_score=max(parameters.min_score, _MIN_COARSE_SCORE))
+        half = np.asarray(cv2.pyrDown(image), np.uint8)
+        known = np.array([p for _, p in found]).reshape(-1, 5)
+        for score, p in _scaled_ellipses(half, 2 * factor, coarse):
+            if not is_known(p, known, len(known), _COARSE_OVERLAP, np.inf):
+                found.append((score, p))
         found.sort(key=lambda pair: -pair[0])
-        return np.array([ellipse.geometric for _, ellipse in found]).reshape(-1, 5)
-    return np.array([feature.ellipse.geometric for feature in features]).reshape(-1, 5)
+    return np.array([Ellipse(p).geometric for _, p in found]).reshape(-1, 5)
 
 
-def _coarse_ellipses(image: NDArray[np.uint8], parameters: GroupingParameters) -> list[tuple[float, Ellipse]]:
-    """Score and ellipse of what is found at half the resolution, where soft outlines are sharp."""
-    half = cv2.pyrDown(image)
-    smallest, largest = parameters.size_px or (2 * _MIN_COARSE_SEMI_MAJOR_PX, 2.0 * max(half.shape))
-    size_px = (max(smallest / 2, _MIN_COARSE_SEMI_MAJOR_PX), largest / 2)
-    if size_px[0] > size_px[1]:
-        return []
-    coarse = replace(parameters, size_px=size_px, min_score=max(parameters.min_score, _MIN_COARSE_SCORE))
-    # A pixel of the smaller image has its centre on every other pixel of the larger one.
-    return [(f.score, Ellipse(2 * f.ellipse.p)) for f in group_ellipses(np.asarray(half, np.uint8), coarse)]
+def _shrunk(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
+    """The image, halved until it is not too large, and how often a pixel of it goes into the side of the given one."""
+    factor = 1
+    while max(image.shape) > _MAX_PX:
+        image, factor = np.asarray(cv2.pyrDown(image), np.uint8), 2 * factor
+    return image, factor
+
+
+def _scaled_ellipses(
+    image: NDArray[np.uint8], factor: int, parameters: GroupingParameters
+) -> list[tuple[float, Array]]:
+    """Score and focal parameters of what is found in a smaller image, where soft and noisy outlines are clear."""
+    if factor > 1:
+        smallest, largest = parameters.size_px or (0.0, factor * float(max(image.shape)))
+        size_px = (max(smallest / factor, _MIN_COARSE_SEMI_MAJOR_PX), largest / factor)
+        if size_px[0] > size_px[1]:
+            return []
+        parameters = replace(parameters, size_px=size_px)
+    # A pixel of the smaller image has its centre on every second, fourth, ... pixel of the larger one.
+    return [(f.score, factor * f.ellipse.p) for f in group_ellipses(image, parameters)]
 
 
 def group_ellipses(
