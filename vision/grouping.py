@@ -145,7 +145,7 @@ def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | 
 
 
 def _shrunk(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
-    """The image, halved until it is not too large, and how often a pixel of it goes into the side of the given one."""
+    """The image, halved until it is not too large, and the side of its pixels in those of the given one."""
     factor = 1
     while max(image.shape) > _MAX_PX:
         image, factor = np.asarray(cv2.pyrDown(image), np.uint8), 2 * factor
