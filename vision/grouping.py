@@ -68,7 +68,7 @@ class GroupingParameters:
     min_score: float = 0.35
     min_overlap: float = 0.85
     max_apart_px: float = np.inf
-    max_hypotheses: int = 1200
+    max_hypotheses: int = 600
 
     def __post_init__(self) -> None:
         if self.size_px is not None and not 0 < self.size_px[0] <= self.size_px[1]:

@@ -35,7 +35,7 @@ class PairConstraints:
     max_extent_px: float = np.inf
     convexity_slack_px: float = 2.0
     grey_tolerance: float = 20.0
-    max_fragments: int = 800
+    max_fragments: int = 400
 
 
 @dataclass(frozen=True, eq=False)
