@@ -15,8 +15,8 @@ from vision.ellipse_support import OUTSIDE, axes
 from vision.hypotheses import norm2, signed_distance
 
 # Columns of the quality of a hypothesis.
-COVERAGE, ERROR, DIRECTION, VISIBLE, CHAIN, CLUTTER, SUPPORT, MINOR, PIECES, SCORE = range(10)
-QUALITIES = 10
+COVERAGE, ERROR, DIRECTION, VISIBLE, CHAIN, CLUTTER, SUPPORT, MINOR, PIECES, TURN, SCORE = range(11)
+QUALITIES = 11
 
 
 @njit(cache=True)
@@ -74,7 +74,7 @@ def assess(p, edges, hits, steps, counts, quality):  # type: ignore[no-untyped-d
     points, gradients, chain = edges.points, edges.gradients, edges.chain
     _, _, major, minor, cos, sin = axes(p)
     total, weighted, visible, supported, supported_weighted = 0.0, 0.0, 0.0, 0.0, 0.0
-    square, turned, pieces, last = 0.0, 0.0, 0, -1
+    square, turned, turn, pieces, last = 0.0, 0.0, 0.0, 0, -1
     ct, st, cos_step, sin_step = 1.0, 0.0, np.cos(2 * np.pi / steps), np.sin(2 * np.pi / steps)
     for k in range(steps):
         nx, ny = minor * ct * cos - major * st * sin, minor * ct * sin + major * st * cos
@@ -90,6 +90,7 @@ def assess(p, edges, hits, steps, counts, quality):  # type: ignore[no-untyped-d
             continue
         supported += 1
         supported_weighted += weight
+        turn += major * minor / (weight * weight)
         pieces += chain[j] != last
         last = chain[j]
         square += min(signed_distance(p, points[j, 0], points[j, 1]) ** 2, 9.0)
@@ -110,6 +111,7 @@ def assess(p, edges, hits, steps, counts, quality):  # type: ignore[no-untyped-d
     quality[MINOR] = minor
     quality[CLUTTER] = _clutter(p, edges, hits, steps)
     quality[PIECES] = pieces
+    quality[TURN] = turn / steps  # of the normal, over a full turn
     quality[SCORE] = _score(quality)
 
 
@@ -123,16 +125,17 @@ def _score(quality):  # type: ignore[no-untyped-def]
     """
     minor, coverage = quality[MINOR], quality[COVERAGE]
     evidence = (
-        22.1 * coverage
-        - 9.3 * coverage * coverage  # the last gaps matter less than the first ones
-        + 1.35 * np.log(min(max(quality[SUPPORT], 1.0), 300.0))
-        + 4.0 * quality[VISIBLE]
-        + 1.75 * quality[CHAIN]
-        + 0.95 * np.log(1 + quality[PIECES])  # edges that agree without being connected
-        + 1.4 * np.log(min(minor, 40.0))
-        - 7.0 * quality[CLUTTER]
+        17.9 * coverage
+        - 7.8 * coverage * coverage  # the last gaps matter less than the first ones
+        + 1.65 * np.log(min(max(quality[SUPPORT], 1.0), 300.0))
+        + 1.35 * np.log(min(max(quality[TURN], 0.05), 1.0))  # flat sides alone prove little
+        + 1.75 * quality[VISIBLE]
+        + 1.5 * quality[CHAIN]
+        + np.log(1 + quality[PIECES])  # edges that agree without being connected
+        + 1.1 * np.log(min(minor, 40.0))
+        - 6.8 * quality[CLUTTER]
         - 11.0 * quality[DIRECTION]
         - 9.0 * quality[ERROR] / np.sqrt(1 + minor / 30)
-        - 23.7
+        - 19.3
     )
     return 1 / (1 + np.exp(-evidence))

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 _MAX_PX = 1600  # longer side; larger images are looked at with half the resolution
 _MIN_COARSE_PX = 64
 _MIN_COARSE_SEMI_MAJOR_PX = 5.0
-_MIN_COARSE_SCORE = 0.35
+_MIN_COARSE_SCORE = 0.3
 _COARSE_OVERLAP = 0.75  # half the resolution does not tell the two edges of a rim apart
 
 
@@ -65,7 +65,7 @@ class GroupingParameters:
     min_share: float = 0.08
     max_error_px: float = 0.9
     min_coverage: float = 0.3
-    min_score: float = 0.35
+    min_score: float = 0.3
     min_overlap: float = 0.85
     max_apart_px: float = np.inf
     max_hypotheses: int = 600
