@@ -171,11 +171,12 @@ def _polygon(points, first, last, tolerance, keep):  # type: ignore[no-untyped-d
         a, b = stack.pop()
         cx, cy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
         chord = np.sqrt(cx * cx + cy * cy)
-        worst, at = tolerance, -1
+        # In a loop the line through the two ends says nothing; the distance from one of them does.
+        line = chord >= 3.0
+        worst, at = tolerance * chord if line else tolerance * tolerance, -1
         for k in range(a + 1, b):
             dx, dy = points[k, 0] - points[a, 0], points[k, 1] - points[a, 1]
-            # In a loop the line through the two ends says nothing.
-            distance = abs(dx * cy - dy * cx) / chord if chord >= 3.0 else np.sqrt(dx * dx + dy * dy)
+            distance = abs(dx * cy - dy * cx) if line else dx * dx + dy * dy
             if distance > worst:
                 worst, at = distance, k
         if at >= 0:
