@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("vision", "robot", "benchmark")
 FILES = tuple(sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py")))
 
-VISION_MAY_IMPORT = {"vision", "numpy", "scipy", "cv2", "filterpy", "numba"}
+VISION_MAY_IMPORT = {"vision", "numpy", "scipy", "cv2", "numba"}
 ROBOT_MAY_IMPORT = {"robot", "numpy", "scipy", "mujoco", "mink", "ruckig"}
 VALUE_TYPES = ("vision.camera", "vision.errors")
 EDITOR = "vision/teaching/editor/"

@@ -5,37 +5,75 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+# Cosines between the tangent and the step to a neighbour, between two gradients, and of both across a gap.
+_MIN_AHEAD, _MIN_AGREEMENT, _MIN_AGREEMENT_ACROSS = 0.2, 0.5, 0.85
+
 
 @njit(cache=True)
-def _next_pixel(free, gx, gy, x, y, sign, max_gap):  # type: ignore[no-untyped-def]
-    """The free edge pixel that continues the walk from (x, y), or (-1, -1).
+def _next_neighbour(free, gx, gy, x, y, sign):  # type: ignore[no-untyped-def]
+    """The free one among the 8 neighbours that continues the walk from (x, y) best, or (-1, -1).
 
-    The 8 neighbours come first; without one, pixels further ahead along the tangent, for gaps.
+    Roots and quotients are only taken where two neighbours compete.
+    """
+    height, width = free.shape
+    g0x, g0y = float(gx[y, x]), float(gy[y, x])
+    square0 = g0x * g0x + g0y * g0y
+    best, bx, by = 0.0, -1, -1
+    for dy in range(-1 if y > 0 else 0, 2 if y < height - 1 else 1):
+        for dx in range(-1 if x > 0 else 0, 2 if x < width - 1 else 1):
+            if not free[y + dy, x + dx]:
+                continue
+            ahead = sign * (g0x * dy - g0y * dx)
+            square = float(dx * dx + dy * dy)
+            if ahead <= 0 or ahead * ahead < _MIN_AHEAD**2 * square * square0:
+                continue
+            hx, hy = float(gx[y + dy, x + dx]), float(gy[y + dy, x + dx])
+            agreement, square_h = hx * g0x + hy * g0y, hx * hx + hy * hy
+            if agreement <= 0 or agreement * agreement < _MIN_AGREEMENT**2 * square0 * square_h:
+                continue
+            if bx >= 0:
+                if best == 0.0:
+                    best = _merit(gx, gy, x, y, bx - x, by - y, sign)
+                merit = _merit(gx, gy, x, y, dx, dy, sign)
+                if merit <= best:
+                    continue
+                best = merit
+            bx, by = x + dx, y + dy
+    return bx, by
+
+
+@njit(cache=True)
+def _merit(gx, gy, x, y, dx, dy, sign):  # type: ignore[no-untyped-def]
+    """Cosine between tangent and step, plus cosine between the two gradients."""
+    g0x, g0y, hx, hy = float(gx[y, x]), float(gy[y, x]), float(gx[y + dy, x + dx]), float(gy[y + dy, x + dx])
+    square0 = g0x * g0x + g0y * g0y
+    ahead = sign * (g0x * dy - g0y * dx) / np.sqrt(float(dx * dx + dy * dy) * square0)
+    return ahead + (hx * g0x + hy * g0y) / np.sqrt(square0 * (hx * hx + hy * hy))
+
+
+@njit(cache=True)
+def _across_gap(free, gx, gy, x, y, sign, max_gap):  # type: ignore[no-untyped-def]
+    """The free pixel ahead along the tangent at (x, y), beyond its neighbours, that goes on there; or (-1, -1).
+
+    The two ends must agree much better than neighbours need to.
     """
     height, width = free.shape
     g0x, g0y = float(gx[y, x]), float(gy[y, x])
     norm0 = max(np.sqrt(g0x * g0x + g0y * g0y), 1e-9)
     tx, ty = -sign * g0y / norm0, sign * g0x / norm0
     best, bx, by = 0.0, -1, -1
-    for reach in range(1, max_gap + 2):
-        # In a gap the two ends must agree much better than neighbours need to.
-        min_ahead, min_agreement = (0.2, 0.5) if reach == 1 else (0.85, 0.85)
-        for dy in range(-reach, reach + 1):
-            for dx in range(-reach, reach + 1):
-                if max(abs(dx), abs(dy)) != reach:
-                    continue
-                nx, ny = x + dx, y + dy
-                if nx < 0 or ny < 0 or nx >= width or ny >= height or not free[ny, nx]:
+    for reach in range(2, max_gap + 2):
+        for dy in range(max(-reach, -y), min(reach, height - 1 - y) + 1):
+            for dx in range(-reach, reach + 1, 1 if abs(dy) == reach else 2 * reach):
+                if x + dx < 0 or x + dx >= width or not free[y + dy, x + dx]:
                     continue
                 ahead = (dx * tx + dy * ty) / np.sqrt(float(dx * dx + dy * dy))
-                if ahead < min_ahead:
+                if ahead < _MIN_AGREEMENT_ACROSS:
                     continue
-                hx, hy = float(gx[ny, nx]), float(gy[ny, nx])
+                hx, hy = float(gx[y + dy, x + dx]), float(gy[y + dy, x + dx])
                 agreement = (hx * g0x + hy * g0y) / (norm0 * max(np.sqrt(hx * hx + hy * hy), 1e-9))
-                if agreement < min_agreement:
-                    continue
-                if ahead + agreement > best:
-                    best, bx, by = ahead + agreement, nx, ny
+                if agreement >= _MIN_AGREEMENT_ACROSS and ahead + agreement > best:
+                    best, bx, by = ahead + agreement, x + dx, y + dy
         if bx >= 0:
             break
     return bx, by
@@ -49,8 +87,10 @@ def _walk(free, gx, gy, x, y, sign, max_gap, out, count, begin):  # type: ignore
     """
     width = free.shape[1]
     while True:
+        nx, ny = _next_neighbour(free, gx, gy, x, y, sign)
         # Only what has some length may reach across a gap; specks of texture may not.
-        nx, ny = _next_pixel(free, gx, gy, x, y, sign, max_gap if count - begin >= 4 else 0)
+        if nx < 0 and count - begin >= 4:
+            nx, ny = _across_gap(free, gx, gy, x, y, sign, max_gap)
         if nx < 0:
             return count
         if abs(nx - x) == 1 and abs(ny - y) == 1:  # the inner corner of a stair belongs to this step

@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 
-from vision.ellipse import Ellipse, focal_jacobian, focal_residual
+from vision import kalman
+from vision.ellipse import Ellipse, focal_residual
 from vision.errors import InputError
 
 Array = NDArray[np.float64]
@@ -123,52 +123,21 @@ def fit_ellipse(
     """
     parameters = parameters or FilterParameters()
     points = np.asarray(points, dtype=float)
-    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 6 or not np.isfinite(points).all():
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < kalman.MIN_POINTS or not np.isfinite(points).all():
         raise InputError("edge points", got=f"shape {points.shape}", expected="at least 6 finite points (N, 2)")
     p = np.array(moment_estimate(points) if initial is None else initial, dtype=float)
-    prior = p.copy()
     # Without an initial estimate from a fit the prior must not hold the filter back.
     prior_px = max(parameters.prior_px, p[4])
-    inliers = np.ones(len(points), bool)
-    for _ in range(parameters.iterations):
-        offset, _slope = distances(p, points)
-        deviation = _robust_deviation(offset, parameters.noise_floor_px)
-        inliers = np.abs(offset) <= parameters.gate * deviation
-        if np.count_nonzero(inliers) < 6:
-            return None
-        posterior, covariance = _update(prior, p, prior_px, points[inliers], deviation)
-        step = np.abs(posterior - p).max()
-        p = posterior
-        if not np.isfinite(p).all() or p[4] <= np.hypot(p[0] - p[2], p[1] - p[3]):
-            return None
-        if step < 1e-2:
-            break
-    offset, _slope = distances(p, points[inliers])
-    # 5 degrees of freedom were spent on p.
-    deviation = max(float(np.sqrt(offset @ offset / max(len(offset) - 5, 1))), parameters.noise_floor_px)
-    inflation = max(1.0, parameters.correlation_px / spacing_px)
-    _, covariance = _update(prior, p, prior_px, points[inliers], deviation * np.sqrt(inflation))
-    return FilterResult(Ellipse(p, covariance), float(np.abs(offset).mean()), inliers)
-
-
-def _robust_deviation(offset: Array, floor: float) -> float:
-    """Standard deviation from the median absolute value, which outliers do not reach."""
-    return max(1.4826 * float(np.median(np.abs(offset))), floor)
-
-
-def _update(prior: Array, at: Array, prior_px: float, points: Array, deviation: float) -> tuple[Array, Array]:
-    """One update of the filter from the prior, linearised at another estimate: posterior p and covariance.
-
-    The N measurements are first rotated by the Q of H = Q R, which leaves 5 that hold all the information (N - 5
-    combinations do not depend on p); the gain then needs the inverse of a 5x5 matrix, not of an N x N one.
-    """
-    residual, slope = distances(at, points)
-    weight = 1 / (slope * deviation)  # to unit variance: R = (deviation |df/dz|)²
-    q, r = np.linalg.qr(focal_jacobian(at, points) * weight[:, None])
-    measured = -q.T @ (residual / deviation) + r @ (at - prior)
-    ekf = ExtendedKalmanFilter(dim_x=5, dim_z=5)
-    ekf.x = prior[:, None].copy()
-    ekf.P = np.eye(5) * prior_px**2
-    # filterpy's update is in Joseph's form.
-    ekf.update(measured[:, None], HJacobian=lambda _: r, Hx=lambda _: np.zeros((5, 1)))
-    return np.asarray(ekf.x[:, 0]), np.asarray((ekf.P + ekf.P.T) / 2)
+    inliers = np.zeros(len(points), np.bool_)
+    arrived, p, covariance, error = kalman.iterate(
+        np.ascontiguousarray(points),
+        p,
+        prior_px,
+        float(spacing_px),
+        parameters.noise_floor_px,
+        parameters.gate,
+        parameters.correlation_px,
+        parameters.iterations,
+        inliers,
+    )
+    return FilterResult(Ellipse(p, covariance), float(error), inliers) if arrived else None

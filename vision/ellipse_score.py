@@ -12,11 +12,11 @@ import numpy as np
 from numba import njit
 
 from vision.ellipse_support import OUTSIDE, axes
-from vision.hypotheses import signed_distance
+from vision.hypotheses import norm2, signed_distance
 
 # Columns of the quality of a hypothesis.
-COVERAGE, ERROR, DIRECTION, VISIBLE, CHAIN, CLUTTER, SUPPORT, MINOR, SCORE = range(9)
-QUALITIES = 9
+COVERAGE, ERROR, DIRECTION, VISIBLE, CHAIN, CLUTTER, SUPPORT, MINOR, PIECES, TURN, SCORE = range(11)
+QUALITIES = 11
 
 
 @njit(cache=True)
@@ -47,14 +47,14 @@ def _clutter(p, edges, hits, steps):  # type: ignore[no-untyped-def]
     height, width = number_at.shape
     cx, cy, major, minor, cos, sin = axes(p)
     places, crossed = 0, 0
+    ct, st, cos_step, sin_step = 1.0, 0.0, np.cos(2 * np.pi / steps), np.sin(2 * np.pi / steps)
     for k in range(steps):
-        if hits[k] == OUTSIDE:
-            continue
-        t = 2 * np.pi * k / steps
-        ct, st = np.cos(t), np.sin(t)
         bx, by = cx + major * ct * cos - minor * st * sin, cy + major * ct * sin + minor * st * cos
         nx, ny = minor * ct * cos - major * st * sin, minor * ct * sin + major * st * cos
-        norm = np.hypot(nx, ny)
+        ct, st = ct * cos_step - st * sin_step, st * cos_step + ct * sin_step
+        if hits[k] == OUTSIDE:
+            continue
+        norm = norm2(nx, ny)
         for offset in (-5, -3, 3, 5):
             x, y = int(bx + offset * nx / norm + 0.5), int(by + offset * ny / norm + 0.5)
             if x < 0 or y < 0 or x >= width or y >= height:
@@ -71,26 +71,30 @@ def assess(p, edges, hits, steps, counts, quality):  # type: ignore[no-untyped-d
 
     ``counts`` is a zeroed scratch array with a number per chain.
     """
-    points, gradients = edges.points, edges.gradients
+    points, gradients, chain = edges.points, edges.gradients, edges.chain
     _, _, major, minor, cos, sin = axes(p)
     total, weighted, visible, supported, supported_weighted = 0.0, 0.0, 0.0, 0.0, 0.0
-    square, turned = 0.0, 0.0
+    square, turned, turn, pieces, last = 0.0, 0.0, 0.0, 0, -1
+    ct, st, cos_step, sin_step = 1.0, 0.0, np.cos(2 * np.pi / steps), np.sin(2 * np.pi / steps)
     for k in range(steps):
-        t = 2 * np.pi * k / steps
-        weight = np.hypot(major * np.sin(t), minor * np.cos(t))
+        nx, ny = minor * ct * cos - major * st * sin, minor * ct * sin + major * st * cos
+        weight = np.sqrt(major * major * st * st + minor * minor * ct * ct)
+        ct, st = ct * cos_step - st * sin_step, st * cos_step + ct * sin_step
         total += weight
-        if hits[k] == OUTSIDE:
+        j = hits[k]
+        if j == OUTSIDE:
             continue
         visible += 1
         weighted += weight
-        if hits[k] < 0:
+        if j < 0:
             continue
         supported += 1
         supported_weighted += weight
-        j = hits[k]
+        turn += major * minor / (weight * weight)
+        pieces += chain[j] != last
+        last = chain[j]
         square += min(signed_distance(p, points[j, 0], points[j, 1]) ** 2, 9.0)
-        nx, ny = minor * np.cos(t) * cos - major * np.sin(t) * sin, minor * np.cos(t) * sin + major * np.sin(t) * cos
-        cross = (nx * gradients[j, 1] - ny * gradients[j, 0]) / np.hypot(nx, ny)
+        cross = (nx * gradients[j, 1] - ny * gradients[j, 0]) / norm2(nx, ny)
         turned += cross * cross
     quality[:] = 0.0
     quality[VISIBLE] = weighted / max(total, 1e-9)
@@ -106,6 +110,8 @@ def assess(p, edges, hits, steps, counts, quality):  # type: ignore[no-untyped-d
     quality[SUPPORT] = supported_weighted / steps * 2 * np.pi
     quality[MINOR] = minor
     quality[CLUTTER] = _clutter(p, edges, hits, steps)
+    quality[PIECES] = pieces
+    quality[TURN] = turn / steps  # of the normal, over a full turn
     quality[SCORE] = _score(quality)
 
 
@@ -117,16 +123,19 @@ def _score(quality):  # type: ignore[no-untyped-def]
     weights of the two errors were held at smaller values than the fit prefers, because real outlines are less perfect
     than drawn ones.
     """
-    minor = quality[MINOR]
+    minor, coverage = quality[MINOR], quality[COVERAGE]
     evidence = (
-        9.6 * quality[COVERAGE]
-        + 1.95 * np.log(min(max(quality[SUPPORT], 1.0), 300.0))
-        + 5.4 * quality[VISIBLE]
-        + 1.85 * quality[CHAIN]
-        + 2.0 * np.log(min(minor, 40.0))
-        - 20.0 * quality[CLUTTER]
+        17.9 * coverage
+        - 7.8 * coverage * coverage  # the last gaps matter less than the first ones
+        + 1.65 * np.log(min(max(quality[SUPPORT], 1.0), 300.0))
+        + 1.35 * np.log(min(max(quality[TURN], 0.05), 1.0))  # flat sides alone prove little
+        + 1.75 * quality[VISIBLE]
+        + 1.5 * quality[CHAIN]
+        + np.log(1 + quality[PIECES])  # edges that agree without being connected
+        + 1.1 * np.log(min(minor, 40.0))
+        - 6.8 * quality[CLUTTER]
         - 11.0 * quality[DIRECTION]
         - 9.0 * quality[ERROR] / np.sqrt(1 + minor / 30)
-        - 23.6
+        - 19.3
     )
     return 1 / (1 + np.exp(-evidence))

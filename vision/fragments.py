@@ -171,11 +171,12 @@ def _polygon(points, first, last, tolerance, keep):  # type: ignore[no-untyped-d
         a, b = stack.pop()
         cx, cy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
         chord = np.sqrt(cx * cx + cy * cy)
-        worst, at = tolerance, -1
+        # In a loop the line through the two ends says nothing; the distance from one of them does.
+        line = chord >= 3.0
+        worst, at = tolerance * chord if line else tolerance * tolerance, -1
         for k in range(a + 1, b):
             dx, dy = points[k, 0] - points[a, 0], points[k, 1] - points[a, 1]
-            # In a loop the line through the two ends says nothing.
-            distance = abs(dx * cy - dy * cx) / chord if chord >= 3.0 else np.sqrt(dx * dx + dy * dy)
+            distance = abs(dx * cy - dy * cx) if line else dx * dx + dy * dy
             if distance > worst:
                 worst, at = distance, k
         if at >= 0:
@@ -262,7 +263,8 @@ def _measure(points, gradients, start, stop, sense, image, offset):  # type: ign
             centre[f, 0] += points[k, 0] / (b + 1 - a)
             centre[f, 1] += points[k, 1] / (b + 1 - a)
             if k > a:
-                length[f] += np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
+                dx, dy = points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1]
+                length[f] += np.sqrt(dx * dx + dy * dy)
         endpoints[f, 0], endpoints[f, 1] = points[a], points[b]
         chord = points[b] - points[a]
         size = max(np.hypot(chord[0], chord[1]), 1e-9)

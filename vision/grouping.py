@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.edges import EdgeMap, EdgeParameters, as_gray, detect_edges
-from vision.ellipse import Ellipse, overlap
+from vision.ellipse import Ellipse
 from vision.ellipse_filter import FilterParameters, FilterResult, distances, fit_ellipse, unshrink
+from vision.ellipse_pairs import is_known
 from vision.ellipse_score import COVERAGE, SCORE
 from vision.ellipse_support import EdgeField
 from vision.errors import InputError
@@ -21,10 +22,11 @@ from vision.verification import select_survivors, verify_hypotheses
 
 Array = NDArray[np.float64]
 
-# Of the second look of `detect_ellipses`, in pixels of the half-size image except the first one.
+# Of the two looks of `detect_ellipses`; the semi-major axis in pixels of the smaller image.
+_MAX_PX = 1600  # longer side; larger images are looked at with half the resolution
 _MIN_COARSE_PX = 64
 _MIN_COARSE_SEMI_MAJOR_PX = 5.0
-_MIN_COARSE_SCORE = 0.5
+_MIN_COARSE_SCORE = 0.3
 _COARSE_OVERLAP = 0.75  # half the resolution does not tell the two edges of a rim apart
 
 
@@ -63,10 +65,10 @@ class GroupingParameters:
     min_share: float = 0.08
     max_error_px: float = 0.9
     min_coverage: float = 0.3
-    min_score: float = 0.4
+    min_score: float = 0.3
     min_overlap: float = 0.85
     max_apart_px: float = np.inf
-    max_hypotheses: int = 1200
+    max_hypotheses: int = 600
 
     def __post_init__(self) -> None:
         if self.size_px is not None and not 0 < self.size_px[0] <= self.size_px[1]:
@@ -112,6 +114,8 @@ class Grouping:
 def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | None = None) -> Array:
     """Find the ellipses in a photograph: those that edges show at full resolution, then others at half of it.
 
+    Images with more than 1600 px along a side are halved first, which bounds the time.
+
     The order is that of a score in [0, 1]: the probability of a true ellipse by a logistic model of coverage,
     accuracy, size and surroundings (see ``vision/ellipse_score.py``).
 
@@ -127,28 +131,39 @@ def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | 
         InputError: when ``gray`` is not an image, see :func:`vision.edges.as_gray`.
     """
     parameters = parameters or GroupingParameters()
-    image = as_gray(gray)
-    features = group_ellipses(image, parameters)
+    image, factor = _shrunk(as_gray(gray))
+    found = _scaled_ellipses(image, factor, parameters)
     if min(image.shape) >= _MIN_COARSE_PX:
-        found = [(feature.score, feature.ellipse) for feature in features]
-        for score, ellipse in _coarse_ellipses(image, parameters):
-            if not any(_same(ellipse, other, _COARSE_OVERLAP, np.inf) for _, other in found):
-                found.append((score, ellipse))
+        coarse = replace(parameters, min_score=max(parameters.min_score, _MIN_COARSE_SCORE))
+        half = np.asarray(cv2.pyrDown(image), np.uint8)
+        known = np.array([p for _, p in found]).reshape(-1, 5)
+        for score, p in _scaled_ellipses(half, 2 * factor, coarse):
+            if not is_known(p, known, len(known), _COARSE_OVERLAP, np.inf):
+                found.append((score, p))
         found.sort(key=lambda pair: -pair[0])
-        return np.array([ellipse.geometric for _, ellipse in found]).reshape(-1, 5)
-    return np.array([feature.ellipse.geometric for feature in features]).reshape(-1, 5)
+    return np.array([Ellipse(p).geometric for _, p in found]).reshape(-1, 5)
 
 
-def _coarse_ellipses(image: NDArray[np.uint8], parameters: GroupingParameters) -> list[tuple[float, Ellipse]]:
-    """Score and ellipse of what is found at half the resolution, where soft outlines are sharp."""
-    half = cv2.pyrDown(image)
-    smallest, largest = parameters.size_px or (2 * _MIN_COARSE_SEMI_MAJOR_PX, 2.0 * max(half.shape))
-    size_px = (max(smallest / 2, _MIN_COARSE_SEMI_MAJOR_PX), largest / 2)
-    if size_px[0] > size_px[1]:
-        return []
-    coarse = replace(parameters, size_px=size_px, min_score=max(parameters.min_score, _MIN_COARSE_SCORE))
-    # A pixel of the smaller image has its centre on every other pixel of the larger one.
-    return [(f.score, Ellipse(2 * f.ellipse.p)) for f in group_ellipses(np.asarray(half, np.uint8), coarse)]
+def _shrunk(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
+    """The image, halved until it is not too large, and the side of its pixels in those of the given one."""
+    factor = 1
+    while max(image.shape) > _MAX_PX:
+        image, factor = np.asarray(cv2.pyrDown(image), np.uint8), 2 * factor
+    return image, factor
+
+
+def _scaled_ellipses(
+    image: NDArray[np.uint8], factor: int, parameters: GroupingParameters
+) -> list[tuple[float, Array]]:
+    """Score and focal parameters of what is found in a smaller image, where soft and noisy outlines are clear."""
+    if factor > 1:
+        smallest, largest = parameters.size_px or (0.0, factor * float(max(image.shape)))
+        size_px = (max(smallest / factor, _MIN_COARSE_SEMI_MAJOR_PX), largest / factor)
+        if size_px[0] > size_px[1]:
+            return []
+        parameters = replace(parameters, size_px=size_px)
+    # A pixel of the smaller image has its centre on every second, fourth, ... pixel of the larger one.
+    return [(f.score, factor * f.ellipse.p) for f in group_ellipses(image, parameters)]
 
 
 def group_ellipses(
@@ -222,17 +237,17 @@ def _filter_survivors(
 ) -> list[EllipseFeature]:
     """Run the Kalman filter on every survivor; discard by fitting error; merge duplicates; best first."""
     features: list[EllipseFeature] = []
+    known = np.empty((len(numbers), 5))
     scores = quality[:, SCORE]
     for k in np.argsort(-scores, kind="stable"):
         points = unshrink(ps[k], edges.points[numbers[k]], parameters.edges.total_smoothing_px)
         result = _filtered(ps[k], points, parameters)
         if result is None or result.fitting_error_px > parameters.max_error_px:
             continue
-        if any(
-            _same(result.ellipse, other.ellipse, parameters.min_overlap, parameters.max_apart_px)
-            for other in features
-        ):
+        p = result.ellipse.p
+        if is_known(p, known, len(features), parameters.min_overlap, parameters.max_apart_px):
             continue
+        known[len(features)] = p
         features.append(
             EllipseFeature(
                 result.ellipse,
@@ -250,15 +265,6 @@ def _filtered(p: Array, points: Array, parameters: GroupingParameters) -> Filter
         return None
     supported_px = np.hypot(*np.diff(points, axis=0).T)
     return fit_ellipse(points, p, float(np.median(supported_px)), parameters.filter)
-
-
-def _same(a: Ellipse, b: Ellipse, min_overlap: float, max_apart_px: float) -> bool:
-    """Whether two ellipses are the same one, found twice, or the two edges of a thin rim."""
-    reach = 0.3 * min(a.p[4], b.p[4]) / 2
-    if np.abs(a.p[:2] + a.p[2:4] - b.p[:2] - b.p[2:4]).max() > 2 * reach or not 0.7 < a.p[4] / b.p[4] < 1.4:
-        return False
-    apart = np.abs(distances(a.p, b.sample(16))[0]).max()
-    return bool(apart < min(max_apart_px, reach)) and overlap(a, b) > min_overlap
 
 
 def _members(feature: EllipseFeature, points: Array, tolerance_px: float) -> tuple[int, ...]:

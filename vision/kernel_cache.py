@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 from pathlib import Path
 
 _VARIABLE = "NUMBA_CACHE_DIR"
@@ -20,6 +21,9 @@ def settle() -> None:
     writable = os.access(cache if cache.exists() else package, os.W_OK)
     if _VARIABLE not in os.environ and writable:
         os.environ[_VARIABLE] = str(cache / f"kernels-{digest(package)}")
+        numba = sys.modules.get("numba")
+        if numba is not None:  # it has read its environment already
+            numba.config.reload_config()
 
 
 def digest(package: Path) -> str:

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Limits = tuple[float, float, float, float, float, float, float]
 
 MIN_VISIBLE = 0.35  # of the circumference inside the image
-GLANCE_STEPS, REFINE_STEPS = 32, 64
+GLANCE_STEPS, REFINE_STEPS = 24, 64
 MAX_ATTEMPTS = 120  # of refining a hypothesis; bounds the time that clutter costs
 
 
@@ -147,7 +147,7 @@ def verify_hypotheses(
         most: largest number of survivors.
 
     Returns:
-        (S, 5) refined focal parameters and (S, 9) quality (columns: see ``ellipse_score.py``).
+        (S, 5) refined focal parameters and (S, 11) quality (columns: see ``ellipse_score.py``).
     """
     out_ps, out_quality = np.zeros((most, 5)), np.zeros((most, QUALITIES))
     found = search(ps, groups, edges, points.points, limits, out_ps, out_quality)
@@ -167,7 +167,7 @@ def select_survivors(
 
     Returns:
         Numbers of the K ellipses that are left, for each the numbers of its edge points along the outline, and
-        their (K, 9) quality.
+        their (K, 11) quality.
     """
     hits = np.full((len(order) + 1, MAX_STEPS), NOTHING, np.int64)
     steps, quality = np.zeros(len(order) + 1, np.int64), np.zeros((len(order) + 1, QUALITIES))

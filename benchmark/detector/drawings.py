@@ -3,7 +3,8 @@
 A drawing is a background (gradient, texture), straight and textured clutter, ellipses of one category, things in
 front of them, then blur and noise. An ellipse counts as ground truth where enough of its circumference has contrast
 in the clean drawing; those that are hidden further are neither asked for nor counted against a detector.
-The splits 'tune' and 'test' draw from disjoint seeds: thresholds are chosen on the first and reported on the second.
+The splits 'tune' and 'test' draw from disjoint seeds and, in scenes, different textures: thresholds are chosen on the
+first and reported on the second.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ def draw(split: str, category: str, number: int) -> Drawing:
         raise InputError("drawing", got=(split, category), expected=f"a split of {list(SPLITS)}, one of {CATEGORIES}")
     rng = np.random.default_rng([SPLITS[split] + number, CATEGORIES.index(category)])
     if category in PHOTOGRAPHIC:
-        canvas, seen = compose(rng, category)
+        canvas, seen = compose(rng, split, category)
         ellipses, shares = [e for e, _ in seen], [share for _, share in seen]
     else:
         canvas, ellipses, shares = _draw_plain(rng, category)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from benchmark.detector.surfaces import letters_without_rings, textured
+from benchmark.detector.surfaces import Texture, letters_without_rings, textured
 from vision.ellipse import Ellipse
 from vision.ellipse_filter import distances
 
@@ -32,19 +32,25 @@ class Picture:
     Attributes:
         canvas: (H, W) grey levels.
         owner: (H, W) number of the thing on top, 0 for the background.
+        texture: of the surfaces.
         outlines: the elliptic outlines and the numbers of their things.
         things: how many things there are.
     """
 
     canvas: Array
     owner: NDArray[np.int32]
+    texture: Texture
     outlines: list[tuple[Ellipse, int]] = field(default_factory=list)
     things: int = 0
 
     @classmethod
-    def on(cls, canvas: Array) -> Picture:
+    def on(cls, canvas: Array, texture: Texture) -> Picture:
         """An empty picture on a background."""
-        return cls(canvas, np.zeros(canvas.shape, np.int32))
+        return cls(canvas, np.zeros(canvas.shape, np.int32), texture)
+
+    def surface(self, rng: np.random.Generator, grey: float, amplitude: float) -> Array:
+        """(H, W) grey levels to paint with: a mean, a gradient, and texture of an amplitude."""
+        return textured(rng, self.canvas.shape, grey, amplitude, self.texture)
 
     def new_thing(self) -> int:
         """The number of the next thing."""
@@ -116,7 +122,7 @@ def _disc(
     """A filled ellipse, shaded and textured, with a contour that is soft over a few pixels."""
     distance = distance_map(picture.canvas.shape, outline)
     cover = np.clip(0.5 - distance / (2 * softness_px), 0, 1)
-    surface = textured(rng, picture.canvas.shape, grey, float(rng.choice([1.0, 4.0, 12.0])))
+    surface = picture.surface(rng, grey, float(rng.choice([1.0, 4.0, 12.0])))
     picture.paint(cover, surface, number)
     picture.outlines.append((outline, number))
 
@@ -159,7 +165,7 @@ def _cup(rng: np.random.Generator, picture: Picture, outline: Ellipse) -> None:
     hull = cv2.convexHull(np.vstack([outline.sample(80), foot.sample(80)]).astype(np.float32))
     mask = np.zeros(picture.canvas.shape, np.uint8)
     cv2.fillConvexPoly(mask, np.round(hull * 16).astype(np.int32), 255, cv2.LINE_AA, 4)
-    picture.paint(mask / 255.0, textured(rng, picture.canvas.shape, body, 4.0), number)
+    picture.paint(mask / 255.0, picture.surface(rng, body, 4.0), number)
     _disc(rng, picture, outline, _differing(rng, body, 15), number)
     inner = scaled(outline, rng.uniform(0.82, 0.95))
     _disc(rng, picture, inner, _differing(rng, body, 25), number)
@@ -216,7 +222,7 @@ def _coin(rng: np.random.Generator, picture: Picture, outline: Ellipse) -> None:
     number = picture.new_thing()
     cover = np.clip(0.5 - distance_map(picture.canvas.shape, outline), 0, 1)
     grey = _differing(rng, _local_grey(picture, outline), 20)
-    picture.paint(cover, textured(rng, picture.canvas.shape, grey, rng.uniform(10, 30)), number)
+    picture.paint(cover, picture.surface(rng, grey, rng.uniform(10, 30)), number)
     picture.outlines.append((outline, number))
 
 

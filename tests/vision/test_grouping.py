@@ -153,6 +153,45 @@ def test_a_large_image_is_no_trouble():
     assert overlap(Ellipse.from_geometric(*found), truth) > 0.99
 
 
+@pytest.mark.parametrize("axes", [(120, 90), (60, 15), (30, 20), (10, 8)])
+def test_a_complete_outline_is_supported_all_around(axes):
+    image = photograph((Ellipse.from_geometric(320.3, 239.6, *axes, 0.6), 170.0))
+    (feature,) = group_ellipses(image)
+    assert feature.support > 0.9
+
+
+def test_an_image_above_the_limit_is_halved_and_measured_in_its_own_pixels():
+    truth = Ellipse.from_geometric(900.3, 300.7, 120, 80, 0.4)
+    (found,) = detect_ellipses(photograph((truth, 170.0), size=(600, 1700)))
+    assert np.abs(found - truth.geometric).max() < 0.15
+
+
+@pytest.mark.parametrize(
+    "convert",
+    [
+        lambda g: g.astype(float),
+        lambda g: np.dstack([g, g, g]),
+        lambda g: np.asfortranarray(g),
+        lambda g: np.repeat(g, 2, axis=1)[:, ::2],
+        lambda g: g.astype(np.int32),
+    ],
+)
+def test_grey_levels_may_come_in_other_forms(convert):
+    image = photograph((Ellipse.from_geometric(150, 120, 70, 50, 0.3), 170.0), size=(240, 320))
+    assert np.allclose(detect_ellipses(convert(image)), detect_ellipses(image))
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(1, 6), st.integers(60, 160), st.integers(60, 160), st.integers(0, 2**31), st.booleans())
+def test_noise_of_any_scale_and_contrast_gives_finite_ellipses(scale, height, width, seed, binary):
+    noise = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=(height, width)), (0, 0), scale)
+    image = np.where(noise > 0, 255, 0) if binary else np.clip(128 + 60 * noise / noise.std(), 0, 255)
+    found = detect_ellipses(image.astype(np.uint8))
+    assert np.isfinite(found).all()
+    assert (found[:, 2] >= found[:, 3]).all()
+    assert (found[:, 3] > 0).all()
+
+
 @settings(max_examples=40, deadline=None)
 @given(arrays(np.uint8, st.tuples(st.integers(0, 40), st.integers(0, 40))))
 def test_any_grey_image_gives_finite_ellipses(image):

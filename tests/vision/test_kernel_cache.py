@@ -26,3 +26,10 @@ def cache_directory(**environment):
 def test_kernels_are_kept_apart_by_their_sources_unless_the_user_says_where(tmp_path):
     assert "kernels-" in cache_directory()
     assert cache_directory(NUMBA_CACHE_DIR=str(tmp_path)) == str(tmp_path)
+
+
+def test_numba_may_be_imported_before():
+    code = "import numba, vision; print(numba.config.CACHE_DIR)"
+    base = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    done = subprocess.run([sys.executable, "-c", code], env=base, capture_output=True, text=True, check=True)
+    assert "kernels-" in done.stdout
