@@ -14,21 +14,22 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.alignment import projection_row, solve_normal_equations, turn_and_move
-from vision.camera import Camera, View
+from vision.body import OUTLINE_SHARE
+from vision.camera import View
 from vision.candidates import SalientCircles, Workspace
 from vision.grouping import Grouping
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-POINTS_PER_ARC = 30
+POINTS_PER_ARC = 24
 MOST_ARCS = 60
-MOST_UNEXPLAINED = 16
+MOST_UNEXPLAINED = 12
 NOISE_PX = 0.5
 TILT_SIGMA_RAD = np.radians(12.0)
 DEPTH_SIGMA = 0.02  # relative
 DEPTH_LEVELS = (0.15, 0.4, 0.65)  # of the workspace's height
-ITERATIONS = 8
+ITERATIONS = 6
 LARGEST_RESIDUAL_PX = 1.5
 
 
@@ -72,43 +73,51 @@ def arc_poses(
         T_world_part (N, 4, 4) and seeds (N, 3): view, -1, number of the circle.
     """
     poses, seeds = [np.empty((0, 4, 4))], [np.empty((0, 3), np.intp)]
-    outlines = np.flatnonzero(circles.radius > 0.85 * circles.radius.max())
+    outlines = np.flatnonzero(circles.radius > OUTLINE_SHARE * circles.radius.max())
+    heights = workspace.low[2] + np.array(DEPTH_LEVELS) * (workspace.high[2] - workspace.low[2])
     for v, (view, mine) in enumerate(zip(views, arcs, strict=True)):
-        T_camera_world, intrinsics = cameras[0][v], cameras[1][v]
+        T_world_camera = view.T_world_camera.as_matrix()
         for arc in mine[:MOST_UNEXPLAINED]:
             stride = max(len(arc.points) // POINTS_PER_ARC, 1)
             points, inwards = np.ascontiguousarray(arc.points[::stride]), arc.inwards[::stride]
+            middle = np.array([points.mean(axis=0), np.median(points, axis=0), np.median(inwards, axis=0)])
             for k in outlines:
-                started = _starts(points, inwards, view, circles, int(k), workspace)
                 circle = (circles.height[k], circles.side[k], circles.radius[k])
-                good = _fit_arc(started, points, T_camera_world, intrinsics, circle)
+                started = _starts(middle, T_world_camera, cameras[1][v], circle, heights)
+                good = _fit_arc(started, points, cameras[0][v], cameras[1][v], circle)
                 poses.append(started[good])
-                seeds.append(np.tile(np.array([v, -1, k], np.intp), (int(good.sum()), 1)))
+                seeds.append(np.full((int(good.sum()), 3), (v, -1, k), np.intp))
     found, seed = np.concatenate(poses), np.concatenate(seeds)
     inside = workspace.contains(found[:, :3, 3], margin_m=0.25 * float(circles.radius.max()))
     return found[inside], seed[inside]
 
 
-def _starts(
-    points: Array, inwards: Array, view: View, circles: SalientCircles, k: int, workspace: Workspace
-) -> Array:
-    """Flat lying parts whose circle k, seen at several depths, passes through the arc."""
-    T, camera = view.T_world_camera.as_matrix(), view.camera
-    eye = T[:3, 3]
-    heights = workspace.low[2] + np.array(DEPTH_LEVELS) * (workspace.high[2] - workspace.low[2])
-    ray = T[:3, :3] @ _ray(points.mean(axis=0), camera)
-    radius_px = camera.fx * circles.radius[k] * ray[2] / (heights - eye[2])
-    centres = np.median(points, axis=0) + radius_px[:, None] * np.median(inwards, axis=0)
-    rays = np.array([T[:3, :3] @ _ray(centre, camera) for centre in centres])
-    poses = np.tile(np.eye(4), (len(heights), 1, 1))
-    poses[:, 1:3, 1:3] *= circles.side[k]  # half a turn about x where the back is up
-    poses[:, :3, 3] = eye + ((heights - eye[2]) / rays[:, 2])[:, None] * rays
-    poses[:, 2, 3] -= circles.side[k] * circles.height[k]
+@njit(cache=True)
+def _starts(middle, T_world_camera, intrinsics, circle, heights):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """(H, 4, 4) poses of flat lying parts at several heights whose circle passes through the middle of an arc.
+
+    Args:
+        middle: (3, 2) mean and median of the arc's points, median of its normals.
+        T_world_camera: (4, 4).
+        intrinsics: fx, fy, cx, cy.
+        circle: height, side, radius.
+        heights: (H,) of the circle's centre in the world.
+    """
+    fx, fy, cx, cy = intrinsics
+    height, side, radius = circle
+    T, poses = T_world_camera, np.zeros((len(heights), 4, 4))
+    down = T[2, 0] * (middle[0, 0] - cx) / fx + T[2, 1] * (middle[0, 1] - cy) / fy + T[2, 2]
+    for i in range(len(heights)):
+        radius_px = fx * radius * down / (heights[i] - T[2, 3])
+        u = (middle[1, 0] + radius_px * middle[2, 0] - cx) / fx
+        v = (middle[1, 1] + radius_px * middle[2, 1] - cy) / fy
+        reach = (heights[i] - T[2, 3]) / (T[2, 0] * u + T[2, 1] * v + T[2, 2])
+        for j in range(3):
+            poses[i, j, 3] = T[j, 3] + reach * (T[j, 0] * u + T[j, 1] * v + T[j, 2])
+        poses[i, 2, 3] -= side * height
+        # Half a turn about x where the back is up.
+        poses[i, 0, 0], poses[i, 1, 1], poses[i, 2, 2], poses[i, 3, 3] = 1.0, side, side, 1.0
     return poses
-
-
-def _ray(pixel: Array, camera: Camera) -> Array:
-    return np.array([(pixel[0] - camera.cx) / camera.fx, (pixel[1] - camera.cy) / camera.fy, 1.0])
 
 
 @njit(cache=True)

@@ -61,7 +61,7 @@ class Development:
         cameras, circles = self.scene.cameras, self.circles.arrays
         good = np.ones(len(poses), bool)
         for _ in range(2):
-            good &= align_on_ellipses(poses, matches, cameras, circles, table.arrays, 4)
+            good &= align_on_ellipses(poses, matches, cameras, circles, table.arrays, 3)
             matches = votes_of(poses, cameras, circles, table)[1]
         good &= (matches >= 0).any(axis=(1, 2))
         poses, matches, seed = poses[good], matches[good], candidates.seed[good]

@@ -24,8 +24,8 @@ class MatchingParameters:
     candidates: int = 32
     minimum_scores: tuple[float, ...] = (0.6, 0.5, 0.42)
     minimum_separation: float = 0.12
-    reach_px: tuple[float, ...] = (3.0, 2.0, 1.5, 1.5)
-    rim_reach_px: tuple[float, ...] = (6.0, 5.0, 4.0, 3.0)
+    reach_px: tuple[float, ...] = (2.5, 1.5, 1.5)
+    rim_reach_px: tuple[float, ...] = (6.0, 4.0, 3.0)
     loose_reach_px: float = 7.0
     depth_shares: tuple[float, ...] = (0.0, -0.02, -0.015, -0.01, -0.005, 0.005, 0.01, 0.015, 0.02)
     leash: float = 0.05
