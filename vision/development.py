@@ -21,6 +21,7 @@ from vision.voting import votes_of
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+HOPELESS_SUPPORT = 0.12  # edges run along that much of any contour by chance
 DEPTH_REACH_PX = 4.0
 DEPTH_PRIOR = 2.0  # support that a relative change of depth by one must gain
 CLASHING_SHARE = 0.2  # of the outlines inside another part
@@ -53,7 +54,9 @@ class Development:
         share = self.parameters.candidates // 2
         by_votes = open_[np.argsort(-candidates.votes[open_], kind="stable")][:share]
         by_edges = open_[np.argsort(-support, kind="stable")][:share]
-        return np.array(list(dict.fromkeys([*by_votes.tolist(), *by_edges.tolist()])), dtype=np.intp)
+        hopeless = set(open_[support < HOPELESS_SUPPORT].tolist())
+        chosen = dict.fromkeys([*by_votes.tolist(), *by_edges.tolist()])
+        return np.array([i for i in chosen if i not in hopeless], dtype=np.intp)
 
     def of_candidates(self, candidates: Candidates, table: EllipseTable) -> HypothesisPool:
         """Refine candidates on their matched ellipses, match again, and weigh their circles about the axis."""
