@@ -135,19 +135,10 @@ class ModelContour:
             view: with a distortion-free lens.
         """
         T = np.linalg.inv(view.T_world_camera.as_matrix()) @ T_world_part
-        R = T[:3, :3]
-        points = self.points @ R.T + T[:3, 3]
-        facing = -np.einsum("ij,ij->i", self.normals @ R.T, points) / np.linalg.norm(points, axis=1)
-        eye = np.ascontiguousarray(-R.T @ T[:3, 3])
-        clear = in_sight(self.points, self.rims[self.circle], eye)
-        index = np.flatnonzero((facing > GRAZING_COSINE) & (points[:, 2] > 1e-3) & clear)
-        x, y, z = points[index].T
-        tx, ty, tz = (self.tangents[index] @ R.T).T
         camera = view.camera
-        pixels = np.column_stack([camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy])
-        along = np.column_stack([camera.fx * (tx - x / z * tz), camera.fy * (ty - y / z * tz)])
-        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-        return Projection(index, pixels, np.column_stack([along[:, 1], -along[:, 0]]))
+        intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+        samples = (self.points, self.tangents, self.normals, self.circle, self.rims)
+        return Projection(*_project(np.ascontiguousarray(T), intrinsics, samples))
 
 
 def _rims_before(circles: Sequence[Circle], model: VisionModel) -> Array:
@@ -191,12 +182,29 @@ def passes_rims(x, y, z, rims, eye):  # type: ignore[no-untyped-def]  # pragma: 
 
 
 @njit(cache=True)
-def in_sight(points, rims, eye):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
-    """:func:`passes_rims` of points (N, 3) with rims (N, B, 2)."""
-    out = np.empty(len(points), np.bool_)
+def _project(T, intrinsics, samples):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Index, pixels and unit normals of the samples in sight."""
+    points, tangents, normals, circle, rims = samples
+    fx, fy, cx, cy = intrinsics
+    eye = eye_of(T)
+    index = np.empty(len(points), np.intp)
+    pixels, across = np.empty((len(points), 2)), np.empty((len(points), 2))
+    count = 0
     for i in range(len(points)):
-        out[i] = passes_rims(points[i, 0], points[i, 1], points[i, 2], rims[i], eye)
-    return out
+        x, y, z = moved(T, points[i])
+        nx, ny, nz = rotated(T, normals[i])
+        if z <= 1e-3 or -(nx * x + ny * y + nz * z) <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
+            continue
+        if not passes_rims(points[i, 0], points[i, 1], points[i, 2], rims[circle[i]], eye):
+            continue
+        tx, ty, tz = rotated(T, tangents[i])
+        du, dv = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
+        length = max(np.sqrt(du * du + dv * dv), 1e-12)
+        index[count] = i
+        pixels[count, 0], pixels[count, 1] = fx * x / z + cx, fy * y / z + cy
+        across[count, 0], across[count, 1] = dv / length, -du / length
+        count += 1
+    return index[:count], pixels[:count], across[:count]
 
 
 @njit(cache=True)
