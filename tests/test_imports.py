@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("vision", "robot", "benchmark")
 FILES = tuple(sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py")))
 
-VISION_MAY_IMPORT = {"vision", "numpy", "scipy", "cv2", "numba"}
+VISION_MAY_IMPORT = {"vision", "numpy", "scipy", "cv2", "filterpy", "numba"}
 ROBOT_MAY_IMPORT = {"robot", "numpy", "scipy", "mujoco", "mink", "ruckig"}
 VALUE_TYPES = ("vision.camera", "vision.errors")
 EDITOR = "vision/teaching/editor/"
@@ -132,7 +132,7 @@ def test_a_broken_wall_is_found(path, source):
         ("vision/pose.py", "from __future__ import annotations\nimport math\nimport cv2\nfrom scipy import linalg"),
         ("vision/pose.py", "from .ellipse import Ellipse\nfrom vision.ellipse import _helper"),
         ("vision/teaching/session.py", "from vision.teaching import operator\nfrom ..pose import Pose"),
-        ("vision/teaching/editor.py", "from nicegui import ui"),
+        ("vision/teaching/editor/page.py", "from nicegui import ui"),
         ("robot/arm.py", "import mujoco\nimport mink\nfrom vision.errors import InputError"),
         ("benchmark/world/scene.py", "from dm_control import mjcf"),
         ("benchmark/cli.py", "import vision\nfrom vision.teaching import session\nfrom robot import arm"),

@@ -9,7 +9,7 @@ features; the epipolar constraint is implied, for a candidate is a point in spac
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,7 @@ class Candidates:
         votes: (N,) support gathered from the salient circles.
         matches: (N, V, K) index of the ellipse matched to salient circle k in view v, -1 for none.
         seed: (N, 3) view, ellipse and salient circle that the candidate was made from.
+        preferred: (N,) whether the ellipse comes from the extractor that was taught for that circle.
     """
 
     origin: Array
@@ -55,6 +56,7 @@ class Candidates:
     votes: Array
     matches: Indices
     seed: Indices
+    preferred: NDArray[np.bool_]
 
     def __len__(self) -> int:
         """Number of candidates."""
@@ -62,27 +64,30 @@ class Candidates:
 
     def take(self, index: Indices) -> Candidates:
         """The candidates with these indices."""
-        return Candidates(
-            self.origin[index], self.axis[index], self.votes[index], self.matches[index], self.seed[index]
-        )
+        return Candidates(*(getattr(self, field.name)[index] for field in fields(self)))
 
     def poses(self) -> Array:
         """T_world_part (N, 4, 4), with an arbitrary rotation about the axis."""
         return poses_of(self.origin, self.axis)
 
     def distinct(self, diameter_m: float, limit: int = 600) -> Candidates:
-        """The best of each bunch of near-identical candidates, among the first ``limit``, best first."""
+        """The best of each bunch of near-identical candidates, among the first ``limit``, best first.
+
+        It is preferred where any of the bunch is.
+        """
         n = min(len(self), limit)
         origin, axis = self.origin[:n], self.axis[:n]
         alive = np.ones(n, bool)
-        chosen = []
+        chosen, preferred = [], []
         for i in range(n):
             if not alive[i]:
                 continue
-            chosen.append(i)
             near = np.linalg.norm(origin - origin[i], axis=1) < 0.03 * diameter_m
-            alive &= ~(near & (axis @ axis[i] > np.cos(np.radians(8))))
-        return self.take(np.array(chosen, dtype=np.intp))
+            bunch = near & (axis @ axis[i] > np.cos(np.radians(8)))
+            chosen.append(i)
+            preferred.append(bool(self.preferred[:n][bunch].any()))
+            alive &= ~bunch
+        return replace(self.take(np.array(chosen, dtype=np.intp)), preferred=np.array(preferred, dtype=bool))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +128,10 @@ def find_candidates(
         origin, axis, seed = origin[keep], axis[keep], seed[keep]
     table = EllipseTable.of(features)
     votes, matches = votes_of(poses_of(origin, axis), camera_arrays(views), salient.arrays, table)
-    return Candidates(origin, axis, votes, matches, seed).take(np.argsort(-votes, kind="stable"))
+    taught = [f.extractor for f in model.salient]
+    preferred = np.array([features[v][m].process == taught[k] for v, m, k in seed], dtype=bool)
+    order = np.argsort(-votes, kind="stable")
+    return Candidates(origin, axis, votes, matches, seed, preferred).take(order)
 
 
 def poses_of(origin: Array, axis: Array) -> Array:

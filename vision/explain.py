@@ -19,12 +19,16 @@ from vision.drawing import (
     plain_strokes,
 )
 from vision.edges import as_gray
+from vision.filter_history import filter_history
 from vision.grouping import Grouping, group_edges
 from vision.regions import region_ellipses
 from vision.segmentation import segment
 
 FINE_BELOW_PX = 1000
 """Images narrower than this are drawn at twice their size."""
+
+FILTER_POINTS = (4, 8, 16, 32, 64)
+"""After how many points the state of the filter is drawn."""
 
 WHITE = (255, 255, 255)
 _FADE = 0.45
@@ -61,7 +65,7 @@ def explain(image: NDArray[np.generic]) -> tuple[Panel, ...]:
         image: uint8, (H, W) grey or (H, W, 3) RGB.
 
     Returns:
-        Edges, regions, region ellipses, fragments, groups, in this order.
+        Edges, regions, region ellipses, fragments, groups, the filter on the best group, in this order.
 
     Raises:
         InputError: when it is not an image, see :func:`vision.edges.as_gray`.
@@ -86,7 +90,24 @@ def explain(image: NDArray[np.generic]) -> tuple[Panel, ...]:
         Panel("3_region_ellipses", f"Regions with an elliptic boundary: {len(features)} ellipses", pruned),
         Panel("4_fragments", f"Edge grouping: {len(grouping.table)} fragments", fragments),
         Panel("5_groups", f"Groups of fragments: {len(grouping.features)} ellipses", groups),
+        Panel(
+            "6_filter", "Kalman filter: the best ellipse after more and more points", _filter(faded, grouping, zoom)
+        ),
     )
+
+
+def _filter(faded: Image, grouping: Grouping, zoom: int) -> Image:
+    """The estimate of the Kalman filter, from yellow after a few points to white after all."""
+    if not grouping.features:
+        return paint(faded, plain_strokes((), WHITE), zoom=zoom)
+    best = max(grouping.features, key=lambda f: len(f.points) * f.score)
+    points = best.points[np.random.default_rng(0).permutation(len(best.points))]
+    states = list(filter_history(points))
+    shown = [states[min(n, len(states)) - 1] for n in FILTER_POINTS if n <= len(states)] + states[-1:]
+    lines = tuple(np.vstack([ring, ring[:1]]) for ring in (state.ellipse.sample(120) for state in shown))
+    shades = np.linspace(0, 1, len(lines))
+    colours = np.array([(255, 140 + 115 * s, 255 * s) for s in shades], np.uint8)
+    return paint(faded, Strokes(lines, colours), zoom=zoom, thickness_px=zoom)
 
 
 def _edges(grouping: Grouping, zoom: int) -> Image:

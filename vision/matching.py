@@ -71,7 +71,7 @@ class Matcher:
         pool = HypothesisPool.empty(len(self.views), len(self.circles.radius))
         for number, minimum_score in enumerate(self.parameters.minimum_scores):
             # The taught strategy goes first; afterwards one extractor makes good what the other has lost.
-            allowed = self._by_strategy(candidates, features) if number == 0 else np.ones(len(candidates), bool)
+            allowed = candidates.preferred if number == 0 else np.ones(len(candidates), bool)
             chosen = development.promising(candidates, allowed)
             pool = pool.joined(development.of_candidates(candidates.take(chosen), table))
             found, pool = self._accept(pool, minimum_score, features, contour)
@@ -82,11 +82,6 @@ class Matcher:
             pool = pool.joined(development.of_arcs(arcs, self.workspace, table, known))
             accepted += self._accept(pool, self.parameters.minimum_scores[-1], features, contour)[0]
         return sorted(accepted, key=lambda e: -e.score)
-
-    def _by_strategy(self, candidates: Candidates, features: Features) -> NDArray[np.bool_]:
-        """Which candidates come from the extractor that the model wants tried first for their salient feature."""
-        salient = self.model.salient
-        return np.array([features[v][m].process == salient[k].extractor for v, m, k in candidates.seed], dtype=bool)
 
     def _untried(
         self, candidates: Candidates, tried: NDArray[np.intp], accepted: Sequence[PoseEstimate]

@@ -22,8 +22,8 @@ def explain(
 ) -> int:
     """Draw what region growing and edge grouping find in an image, stage by stage.
 
-    Writes 1_edges.png, 2_regions.png, 3_region_ellipses.png, 4_fragments.png, 5_groups.png, and contact_sheet.png
-    with all of them beside the image.
+    Writes 1_edges.png, 2_regions.png, 3_region_ellipses.png, 4_fragments.png, 5_groups.png, 6_filter.png, and
+    contact_sheet.png with all of them beside the image.
 
     Example: focalpick explain photo.jpg --out explained
 

@@ -8,7 +8,7 @@ import pytest
 
 from benchmark import cli
 
-PANELS = ("1_edges", "2_regions", "3_region_ellipses", "4_fragments", "5_groups", "contact_sheet")
+PANELS = ("1_edges", "2_regions", "3_region_ellipses", "4_fragments", "5_groups", "6_filter", "contact_sheet")
 
 
 @pytest.fixture

@@ -51,7 +51,7 @@ def bad(photograph):
     """Steps of 4 to 10 grey levels for region growing; noise for edge grouping, which stands much of it."""
     return {
         "region": photographed(photograph, 0.08, noise=0.7),
-        "group": photographed(photograph, 0.15, noise=5.0),
+        "group": photographed(photograph, 0.25, noise=8.0),
     }
 
 

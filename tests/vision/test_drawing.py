@@ -55,7 +55,9 @@ def circle_contour(radius_m: float, facing: float) -> ModelContour:
     tangents = np.column_stack([-np.sin(t), np.cos(t), np.zeros(40)])
     normals = np.tile([0.0, 0.0, facing], (40, 1))
     flags = np.array([True])
-    return ModelContour(radius_m * unit, tangents, normals, np.zeros(40, int), flags, flags, np.ones(1))
+    return ModelContour(
+        radius_m * unit, tangents, normals, np.zeros(40, int), flags, flags, np.ones(1), np.empty((1, 0, 2))
+    )
 
 
 def test_strokes_of_ellipses_are_closed_lie_on_them_and_tell_the_process() -> None:
@@ -174,8 +176,9 @@ def test_explain_draws_every_stage_of_colour_and_grey_images() -> None:
         "3_region_ellipses",
         "4_fragments",
         "5_groups",
+        "6_filter",
     ]
     assert {panel.image.shape for panel in panels} == {(200, 240, 3)}
-    assert "1 ellipses" in panels[-1].title
+    assert "1 ellipses" in panels[4].title
     colour = explain(np.repeat(image[..., None], 3, axis=2))
     assert all(np.array_equal(a.image, b.image) for a, b in zip(panels, colour, strict=True))
