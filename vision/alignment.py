@@ -46,29 +46,14 @@ def align_on_ellipses(poses, matches, cameras, circles, table, iterations):  # t
             count = 0
             for v in range(len(T_camera_world)):
                 T = T_camera_world[v] @ poses[i]
-                R = T[:3, :3]
-                eye = eye_of(T)
-                fx, fy, cx, cy = intrinsics[v]
                 for k in range(len(radius)):
-                    if matches[i, v, k] < 0:
-                        continue
-                    m = first[v] + matches[i, v, k]
-                    for j in range(first_point[m], first_point[m + 1]):
-                        if count == len(residuals):
-                            break
-                        u, w = (points[j, 0] - cx) / fx, (points[j, 1] - cy) / fy
-                        rx = R[0, 0] * u + R[1, 0] * w + R[2, 0]
-                        ry = R[0, 1] * u + R[1, 1] * w + R[2, 1]
-                        rz = R[0, 2] * u + R[1, 2] * w + R[2, 2]
-                        if rz == 0.0:
-                            continue
-                        reach = (height[k] - eye[2]) / rz
-                        x, y = eye[0] + reach * rx, eye[1] + reach * ry
-                        length = max(np.sqrt(x * x + y * y), 1e-12)
-                        x, y = radius[k] * x / length, radius[k] * y / length
-                        model, along = (x, y, height[k]), (-y, x, 0.0)
-                        count += projection_row(T, T_camera_world[v], intrinsics[v], model, along, points[j], rows,
-                                                residuals, count)  # fmt: skip
+                    if matches[i, v, k] >= 0:
+                        m = first[v] + matches[i, v, k]
+                        seen = points[first_point[m] : first_point[m + 1]]
+                        circle = (height[k], radius[k])
+                        count = rows_of_circle(
+                            T, T_camera_world[v], intrinsics[v], seen, circle, rows, residuals, count
+                        )
             if count < FEWEST_POINTS:
                 good[i] = False
                 break
@@ -142,6 +127,44 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
                 break
             _step(poses[i], rows[:count], residuals[:count], inplane)
     return good
+
+
+@njit(cache=True)
+def rows_of_circle(T, T_camera_world, intrinsics, points, circle, rows, residuals, count):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Write the rows of edge points of a circle about the part's axis, from row ``count`` on; the next free row.
+
+    The viewing ray of a point meets the plane of the circle; the direction from the centre to there gives the nearest
+    point of the circle.
+
+    Args:
+        T: (4, 4) T_camera_part.
+        T_camera_world: (4, 4).
+        intrinsics: fx, fy, cx, cy.
+        points: (N, 2) edge points in pixels.
+        circle: height along the axis, radius.
+        rows: (M, 6) written to; points beyond the last row are left out.
+        residuals: (M,) written to.
+        count: the first free row.
+    """
+    fx, fy, cx, cy = intrinsics
+    height, radius = circle
+    eye = eye_of(T)
+    for j in range(len(points)):
+        if count == len(residuals):
+            break
+        u, w = (points[j, 0] - cx) / fx, (points[j, 1] - cy) / fy
+        rx = T[0, 0] * u + T[1, 0] * w + T[2, 0]
+        ry = T[0, 1] * u + T[1, 1] * w + T[2, 1]
+        rz = T[0, 2] * u + T[1, 2] * w + T[2, 2]
+        if rz == 0.0:
+            continue
+        reach = (height - eye[2]) / rz
+        x, y = eye[0] + reach * rx, eye[1] + reach * ry
+        length = max(np.sqrt(x * x + y * y), 1e-12)
+        x, y = radius * x / length, radius * y / length
+        model, along = (x, y, height), (-y, x, 0.0)
+        count += projection_row(T, T_camera_world, intrinsics, model, along, points[j], rows, residuals, count)
+    return count
 
 
 @njit(cache=True)

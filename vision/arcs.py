@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from vision.alignment import projection_row, solve_normal_equations, turn_and_move
+from vision.alignment import rows_of_circle, solve_normal_equations, turn_and_move
 from vision.body import OUTLINE_SHARE
 from vision.camera import View
 from vision.candidates import SalientCircles, Workspace
@@ -140,7 +140,7 @@ def _fit_arc(poses, points, T_camera_world, intrinsics, circle):  # type: ignore
         count = 0
         for _ in range(ITERATIONS):
             T = T_camera_world @ pose
-            count = _rows_of_arc(T, T_camera_world, intrinsics, points, (height, radius), rows, residuals)
+            count = rows_of_circle(T, T_camera_world, intrinsics, points, (height, radius), rows, residuals, 0)
             if count < n // 2:
                 break
             N, g = np.zeros((6, 6)), np.zeros(6)
@@ -174,28 +174,3 @@ def _fit_arc(poses, points, T_camera_world, intrinsics, circle):  # type: ignore
 def _facing(T):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Negative where the part's z axis points towards the camera."""
     return T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3]
-
-
-@njit(cache=True)
-def _rows_of_arc(T, T_camera_world, intrinsics, points, circle, rows, residuals):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Rows of the points that meet the plane of the circle in front of the camera; their number."""
-    fx, fy, cx, cy = intrinsics
-    height, radius = circle
-    count = 0
-    ex = -(T[0, 0] * T[0, 3] + T[1, 0] * T[1, 3] + T[2, 0] * T[2, 3])
-    ey = -(T[0, 1] * T[0, 3] + T[1, 1] * T[1, 3] + T[2, 1] * T[2, 3])
-    ez = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
-    for j in range(len(points)):
-        u, w = (points[j, 0] - cx) / fx, (points[j, 1] - cy) / fy
-        rx = T[0, 0] * u + T[1, 0] * w + T[2, 0]
-        ry = T[0, 1] * u + T[1, 1] * w + T[2, 1]
-        rz = T[0, 2] * u + T[1, 2] * w + T[2, 2]
-        if rz == 0.0:
-            continue
-        reach = (height - ez) / rz
-        x, y = ex + reach * rx, ey + reach * ry
-        length = max(np.sqrt(x * x + y * y), 1e-12)
-        x, y = radius * x / length, radius * y / length
-        model, along = (x, y, height), (-y, x, 0.0)
-        count += projection_row(T, T_camera_world, intrinsics, model, along, points[j], rows, residuals, count)
-    return count
