@@ -45,7 +45,7 @@ apt_install() {
 }
 endef
 
-.PHONY: help install gl table1 test smoke bench lint clean
+.PHONY: help install gl browser table1 test smoke bench lint clean
 
 help:  ## Show this list
 	@echo "focalpick: make table1 and make test need no set-up; they create $(VENV) and install by themselves."
@@ -59,7 +59,7 @@ table1: install gl  ## Run the whole benchmark (resumes where it stopped) and pr
 	@$(BIN)/focalpick sweep --preset table1 --out "$(OUT)" $(SWEEP_OPTIONS)
 	$(BIN)/focalpick table "$(OUT)" --figures "$(OUT)"
 
-test: install gl  ## Run all tests
+test: install gl browser  ## Run all tests
 	@$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist worksteal $(PYTEST_ARGS)
 
 smoke: install gl  ## Run a sweep of a few scenes and hold it against its thresholds, as CI does
@@ -137,6 +137,13 @@ gl: install
 	if probe 2>/dev/null; then exit 0; fi
 	apt_install libosmesa6 || true  # the fallback; recent distributions no longer carry it
 	probe
+
+browser:  # for the tests of the teaching page, which are skipped without one
+	@$(APT)
+	for name in chromium chromium-browser google-chrome; do
+	    if command -v "$$name" >/dev/null; then exit 0; fi
+	done
+	if may_install; then apt_install chromium || true; fi
 
 clean:  ## Remove .venv and all caches; results stay
 	@rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
