@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 REACH_PX = 3.0
-INPLANE_STEP_PX = 2.0
+INPLANE_STEP_PX = 1.5
 CLAIM_SUPPORT = 0.3
 CHANCE_SUPPORT = 0.2  # what random edges give
 LEAST_SHOWN = 0.4
@@ -102,8 +102,9 @@ class SceneEdges:
         edges = (self._direction, self._nearest, self._claimed, self._cover)
         return align_on_edges(poses, self.cameras, samples, edges, np.array(reaches_px), inplane)
 
-    def inplane_support(self, T_world_part: Array, part: ModelContour, angles: Array) -> Array:
+    def inplane_support(self, T_world_part: Array, contour: ModelContour, angles: Array) -> Array:
         """Mean support (A,) of the circles that tell the rotation about z, at each of the angles (A,)."""
+        part = contour.asymmetric()
         total, count = self._tally(turned(T_world_part, angles), part, REACH_PX)
         seen = count[..., 0].sum(axis=1) @ part.circle_weight
         # Chance support is taken off: turning holes out of sight must not look better than seeing them.
@@ -127,10 +128,10 @@ class SceneEdges:
         distance = min(np.linalg.norm(v.T_world_camera.translation - T_world_part[:3, 3]) for v in self.views)
         step = INPLANE_STEP_PX / (lever * self.views[0].camera.fx / distance)
         angles = np.arange(0, 2 * np.pi / fold, step)
-        support = self.inplane_support(T_world_part, contour.asymmetric_sparse(), angles)
+        support = self.inplane_support(T_world_part, contour, angles)
         best = int(support.argmax())
         fine = angles[best] + np.linspace(-step, step, 9)
-        fine_support = self.inplane_support(T_world_part, contour.asymmetric(), fine)
+        fine_support = self.inplane_support(T_world_part, contour, fine)
         angle = fine[int(fine_support.argmax())]
         spread = float(np.median(np.abs(support - np.median(support)))) * 1.4826
         stands_out = bool(fine_support.max() - np.median(support) > max(4 * spread, 0.08))

@@ -70,10 +70,6 @@ class ModelContour:
         """The circles alone that tell the rotation about z; the numbering of the circles stays."""
         return self._asymmetric
 
-    def asymmetric_sparse(self) -> ModelContour:
-        """Every second sample of those circles."""
-        return self._asymmetric_sparse
-
     def salient(self) -> ModelContour:
         """Every second sample of the salient circles; the numbering of the circles stays."""
         return self._salient
@@ -89,10 +85,6 @@ class ModelContour:
     @cached_property
     def _asymmetric(self) -> ModelContour:
         return self._only(~self.circle_symmetric)
-
-    @cached_property
-    def _asymmetric_sparse(self) -> ModelContour:
-        return self._asymmetric._samples(slice(None, None, 2))
 
     @cached_property
     def _salient(self) -> ModelContour:
