@@ -19,6 +19,8 @@ from vision.drawing import (
     plain_strokes,
 )
 from vision.edges import as_gray
+from vision.ellipse import Ellipse
+from vision.ellipse_filter import moment_estimate
 from vision.filter_history import filter_history
 from vision.grouping import Grouping, group_edges
 from vision.regions import region_ellipses
@@ -97,14 +99,16 @@ def explain(image: NDArray[np.generic]) -> tuple[Panel, ...]:
 
 
 def _filter(faded: Image, grouping: Grouping, zoom: int) -> Image:
-    """The estimate of the Kalman filter, from yellow after a few points to white after all."""
+    """The estimate of the Kalman filter, from orange before the first point to white after all."""
     if not grouping.features:
         return paint(faded, plain_strokes((), WHITE), zoom=zoom)
     best = max(grouping.features, key=lambda f: len(f.points) * f.score)
     points = best.points[np.random.default_rng(0).permutation(len(best.points))]
-    states = list(filter_history(points))
+    start = moment_estimate(points)
+    states = list(filter_history(points, start))
     shown = [states[min(n, len(states)) - 1] for n in FILTER_POINTS if n <= len(states)] + states[-1:]
-    lines = tuple(np.vstack([ring, ring[:1]]) for ring in (state.ellipse.sample(120) for state in shown))
+    rings = [ellipse.sample(120) for ellipse in (Ellipse(start), *(state.ellipse for state in shown))]
+    lines = tuple(np.vstack([ring, ring[:1]]) for ring in rings)
     shades = np.linspace(0, 1, len(lines))
     colours = np.array([(255, 140 + 115 * s, 255 * s) for s in shades], np.uint8)
     return paint(faded, Strokes(lines, colours), zoom=zoom, thickness_px=zoom)
