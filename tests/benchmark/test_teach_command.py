@@ -11,6 +11,7 @@ from benchmark.cli import main
 from benchmark.teaching_services import open_mesh, open_part, open_views
 from benchmark.world.parts import get_part
 from vision.model_file import model_to_json
+from vision.teaching.editor.server import listen
 from vision.teaching.editor.services import Services
 from vision.teaching.session import digests
 from vision.teaching.session_file import replay
@@ -49,6 +50,19 @@ def test_a_port_that_is_taken_is_told(capsys):
         port = taken.getsockname()[1]
         assert main(["teach", "--no-show", "--views", str(SESSIONS / "cover2"), "--port", str(port)]) == 2
     assert f"port: got {port}, which is taken" in capsys.readouterr().err
+
+
+def test_two_pages_at_once_have_ports_of_their_own():
+    with listen(None) as one, listen(None) as other:
+        ports = [listener.getsockname()[1] for listener in (one, other)]
+        assert ports[0] != ports[1]
+        for port in ports:
+            socket.create_connection(("127.0.0.1", port), timeout=1).close()
+
+
+def test_a_port_that_does_not_exist_is_told(capsys):
+    assert main(["teach", "--no-show", "--views", str(SESSIONS / "cover2"), "--port", "70000"]) == 2
+    assert "expected 0 to 65535" in capsys.readouterr().err
 
 
 @pytest.mark.slow

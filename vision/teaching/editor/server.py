@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
 import socket
 from pathlib import Path
 
@@ -12,7 +10,7 @@ from fastapi import HTTPException, Response
 from fastapi.responses import JSONResponse
 from nicegui import app, background_tasks, ui
 
-from vision.errors import ResourceError
+from vision.errors import InputError, ResourceError
 from vision.teaching.editor.page import Page
 from vision.teaching.editor.services import Services
 from vision.teaching.editor.workshop import Workshop
@@ -20,6 +18,7 @@ from vision.teaching.editor.workshop import Workshop
 HOST = "127.0.0.1"
 USUAL_PORT = 8765
 PORTS_TO_TRY = 50
+HIGHEST_PORT = 65535
 
 _UNSAVED_PROMPT = """
 <script>
@@ -48,14 +47,15 @@ def serve(directory: Path, out: Path, services: Services, port: int | None = Non
         ResourceError: the port is taken.
         KeyboardInterrupt: the person ended it with Ctrl-C.
     """
-    port = _free_port(port)
+    listener = listen(port)
+    port = listener.getsockname()[1]
     cv2.setNumThreads(1)
     workshop = Workshop(directory, out, services)
     _routes(workshop)
 
     def start() -> None:
         background_tasks.create(workshop.run(), name="workshop")
-        background_tasks.create(_announce(workshop.part_name, port), name="announce")
+        print(f"Teach {workshop.part_name} at http://{HOST}:{port}/  (Ctrl-C ends; nothing is lost)", flush=True)
 
     app.on_startup(start)
     try:
@@ -63,6 +63,7 @@ def serve(directory: Path, out: Path, services: Services, port: int | None = Non
             lambda: _page(workshop),
             host=HOST,
             port=port,
+            fd=listener.fileno(),
             title=f"Teach {workshop.part_name}",
             favicon="⭕",
             dark=True,
@@ -74,20 +75,8 @@ def serve(directory: Path, out: Path, services: Services, port: int | None = Non
             timeout_graceful_shutdown=1,
         )
     finally:
+        listener.close()
         workshop.close()
-
-
-async def _announce(part: str, port: int) -> None:
-    """Say where the page is, once it can be reached."""
-    while True:
-        try:
-            _, writer = await asyncio.open_connection(HOST, port)
-        except OSError:
-            await asyncio.sleep(0.05)
-            continue
-        writer.close()
-        print(f"Teach {part} at http://{HOST}:{port}/  (Ctrl-C ends; nothing is lost)", flush=True)
-        return
 
 
 def _page(workshop: Workshop) -> None:
@@ -114,18 +103,28 @@ def _routes(workshop: Workshop) -> None:
         return JSONResponse(found)
 
 
-def _free_port(asked: int | None) -> int:
-    """The port that was asked for, or the first free one.
+def listen(asked: int | None) -> socket.socket:
+    """A socket that listens at the port that was asked for, or at the first free one.
+
+    Listening at once, not only looking for a free port, keeps two pages that are opened at the same moment apart; and
+    a browser that comes before the page is ready waits.
 
     Raises:
+        InputError: there is no such port.
         ResourceError: it is taken.
     """
+    if asked is not None and not 0 <= asked <= HIGHEST_PORT:
+        raise InputError("--port", got=asked, expected=f"0 to {HIGHEST_PORT}")
     candidates = [asked] if asked is not None else range(USUAL_PORT, USUAL_PORT + PORTS_TO_TRY)
     for port in candidates:
-        with contextlib.closing(socket.socket()) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            with contextlib.suppress(OSError):
-                probe.bind((HOST, port))
-                return port
+        listener = socket.socket()
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((HOST, port))
+            listener.listen()
+        except OSError:
+            listener.close()
+            continue
+        return listener
     do = "choose another with --port, or none for a free one" if asked is not None else "end another teaching page"
     raise ResourceError(f"port: got {candidates[0]}, which is taken; expected a free one; {do}")
