@@ -47,10 +47,17 @@ def serve(directory: Path, out: Path, services: Services, port: int | None = Non
         ResourceError: the port is taken.
         KeyboardInterrupt: the person ended it with Ctrl-C.
     """
-    listener = listen(port)
+    with listen(port) as listener:
+        cv2.setNumThreads(1)
+        workshop = Workshop(directory, out, services)
+        try:
+            _run(workshop, listener, show)
+        finally:
+            workshop.close()
+
+
+def _run(workshop: Workshop, listener: socket.socket, show: bool) -> None:
     port = listener.getsockname()[1]
-    cv2.setNumThreads(1)
-    workshop = Workshop(directory, out, services)
     _routes(workshop)
 
     def start() -> None:
@@ -58,25 +65,21 @@ def serve(directory: Path, out: Path, services: Services, port: int | None = Non
         print(f"Teach {workshop.part_name} at http://{HOST}:{port}/  (Ctrl-C ends; nothing is lost)", flush=True)
 
     app.on_startup(start)
-    try:
-        ui.run(
-            lambda: _page(workshop),
-            host=HOST,
-            port=port,
-            fd=listener.fileno(),
-            title=f"Teach {workshop.part_name}",
-            favicon="⭕",
-            dark=True,
-            show=show,
-            reload=False,
-            show_welcome_message=False,
-            reconnect_timeout=60.0,
-            cache_control_directives="no-cache",
-            timeout_graceful_shutdown=1,
-        )
-    finally:
-        listener.close()
-        workshop.close()
+    ui.run(
+        lambda: _page(workshop),
+        host=HOST,
+        port=port,
+        fd=listener.fileno(),
+        title=f"Teach {workshop.part_name}",
+        favicon="⭕",
+        dark=True,
+        show=show,
+        reload=False,
+        show_welcome_message=False,
+        reconnect_timeout=60.0,
+        cache_control_directives="no-cache",
+        timeout_graceful_shutdown=1,
+    )
 
 
 def _page(workshop: Workshop) -> None:
