@@ -106,10 +106,24 @@ class SceneEdges:
         """Mean support (A,) of the circles that tell the rotation about z, at each of the angles (A,)."""
         part = contour.asymmetric()
         total, count = self._tally(turned(T_world_part, angles), part, REACH_PX)
-        seen = count[..., 0].sum(axis=1) @ part.circle_weight
-        # Chance support is taken off: turning holes out of sight must not look better than seeing them.
-        gain = total.sum(axis=1) @ part.circle_weight - CHANCE_SUPPORT * seen
-        return gain / max(float(seen.mean()), 1.0)
+        return _gain(total.sum(axis=1) @ part.circle_weight, count[..., 0].sum(axis=1) @ part.circle_weight)
+
+    def inplane_support_all_round(self, T_world_part: Array, contour: ModelContour, fold: int, least: int) -> Array:
+        """The same at n angles, evenly spaced over 1/fold of a turn; fold n >= ``least``, a multiple of all copies.
+
+        Turned by the angle between them, the copies of a feature change places. So the first copy alone, looked at
+        all the way round, tells what all of them would: a fraction of the work where there are twenty.
+        """
+        part = contour.first_copies()
+        copies = {c: int(contour.circle_copies[c]) for c in np.unique(part.circle)}
+        n = least + -least % int(np.lcm.reduce([fold, *copies.values()]))
+        total, count = self._tally(turned(T_world_part, np.arange(n) * 2 * np.pi / n), part, REACH_PX)
+        support, seen = np.zeros(n // fold), np.zeros(n // fold)
+        for c, k in copies.items():
+            for out, of_first in ((support, total[:, :, c]), (seen, count[:, :, c, 0])):
+                of_all = of_first.sum(axis=1).reshape(k, n // k).sum(axis=0)
+                out += part.circle_weight[c] * np.resize(of_all, n // fold)
+        return _gain(support, seen)
 
     def find_inplane(self, T_world_part: Array, contour: ModelContour, fold: int) -> tuple[Array, bool]:
         """Turn a pose about its axis to where the supporting features have edges.
@@ -126,11 +140,11 @@ class SceneEdges:
         if lever == 0:
             return T_world_part, False
         distance = min(np.linalg.norm(v.T_world_camera.translation - T_world_part[:3, 3]) for v in self.views)
-        step = INPLANE_STEP_PX / (lever * self.views[0].camera.fx / distance)
-        angles = np.arange(0, 2 * np.pi / fold, step)
-        support = self.inplane_support(T_world_part, contour, angles)
-        best = int(support.argmax())
-        fine = angles[best] + np.linspace(-step, step, 9)
+        around_px = 2 * np.pi * lever * self.views[0].camera.fx / distance
+        least = int(np.ceil(around_px / INPLANE_STEP_PX))
+        support = self.inplane_support_all_round(T_world_part, contour, fold, least)
+        step = 2 * np.pi / (fold * len(support))
+        fine = int(support.argmax()) * step + np.linspace(-step, step, 9)
         fine_support = self.inplane_support(T_world_part, contour, fine)
         angle = fine[int(fine_support.argmax())]
         spread = float(np.median(np.abs(support - np.median(support)))) * 1.4826
@@ -186,6 +200,11 @@ class SceneEdges:
         columns = np.clip(np.round(pixels[:, 0]), 0, width - 1).astype(np.intp)
         rows = np.clip(np.round(pixels[:, 1]), 0, height - 1).astype(np.intp)
         return np.asarray(claimed[rows, columns])
+
+
+def _gain(support: Array, seen: Array) -> Array:
+    """Support (A,) per sample in sight, less that of chance: holes must not look better out of sight than in it."""
+    return (support - CHANCE_SUPPORT * seen) / max(float(seen.mean()), 1.0)
 
 
 def turned(T_world_part: Array, angles: Array) -> Array:

@@ -49,6 +49,7 @@ class ModelContour:
         circle_salient: (C,) whether the circle is a salient feature.
         circle_symmetric: (C,) whether the circle looks the same under every rotation about z.
         circle_weight: (C,) how much it counts: the edge support that it had when it was taught.
+        circle_copies: (C,) number of copies of its feature for the first of them, 0 for the others.
         rims: (C, B, 2) radius and height of the salient circles through or past which a circle is seen; NaN fills up.
     """
 
@@ -59,6 +60,7 @@ class ModelContour:
     circle_salient: NDArray[np.bool_]
     circle_symmetric: NDArray[np.bool_]
     circle_weight: Array
+    circle_copies: NDArray[np.intp]
     rims: Array
 
     @cached_property
@@ -69,6 +71,10 @@ class ModelContour:
     def asymmetric(self) -> ModelContour:
         """The circles alone that tell the rotation about z; the numbering of the circles stays."""
         return self._asymmetric
+
+    def first_copies(self) -> ModelContour:
+        """Of the circles that tell the rotation about z the first of each feature; the numbering stays."""
+        return self._first_copies
 
     def salient(self) -> ModelContour:
         """Every second sample of the salient circles; the numbering of the circles stays."""
@@ -85,6 +91,10 @@ class ModelContour:
     @cached_property
     def _asymmetric(self) -> ModelContour:
         return self._only(~self.circle_symmetric)
+
+    @cached_property
+    def _first_copies(self) -> ModelContour:
+        return self._only(~self.circle_symmetric & (self.circle_copies > 0))
 
     @cached_property
     def _salient(self) -> ModelContour:
@@ -106,7 +116,7 @@ class ModelContour:
     def of(cls, model: VisionModel, scale_px_per_m: float) -> ModelContour:
         """Sample the circles of a model at an image scale (focal length over distance)."""
         parts: list[tuple[Array, Array, Array]] = []
-        salient, symmetric, weight = [], [], []
+        salient, symmetric, weight, copies = [], [], [], []
         for feature in model.features:
             on_axis = float(np.hypot(*feature.circle.centre[:2])) < 1e-3 * model.diameter_m
             first = feature.circle
@@ -116,6 +126,7 @@ class ModelContour:
             t = np.linspace(0, 2 * np.pi, n, endpoint=False)[:, None]
             points = first.centre + first.radius_m * (np.cos(t) * u + np.sin(t) * v)
             tangents = -np.sin(t) * u + np.cos(t) * v
+            copies += [feature.copies] + [0] * (feature.copies - 1)
             for turn in feature.turns():
                 normal = np.broadcast_to(turn @ first.normal, (n, 3))
                 parts.append((points @ turn.T, tangents @ turn.T, normal))
@@ -125,7 +136,8 @@ class ModelContour:
         points, tangents, normals = (np.vstack([p[k] for p in parts]) for k in range(3))
         number = np.repeat(np.arange(len(parts)), [len(p[0]) for p in parts])
         rims = _rims_before([circle for f in model.features for circle in f.circles()], model)
-        return cls(points, tangents, normals, number, np.array(salient), np.array(symmetric), np.array(weight), rims)
+        of_circle = (np.array(salient), np.array(symmetric), np.array(weight), np.array(copies))
+        return cls(points, tangents, normals, number, *of_circle, rims)
 
     def project(self, T_world_part: Array, view: View) -> Projection:
         """Project the samples of the circles that face the camera.
