@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from vision.model_contour import COVER_MARGIN, GRAZING_COSINE, eye_of, moved, passes_rims, rotated
+from vision.model_contour import COVER_BLOCK_PX, COVER_MARGIN, GRAZING_COSINE, eye_of, moved, passes_rims, rotated
 
 ROBUST_SCALE = 3.0
 NOISE_FLOOR_PX = 0.1
@@ -70,8 +70,8 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
         cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
         samples: points, tangents, normals (S, 3), circle numbers (S,) and rims (C, B, 2) of a
             :class:`vision.model_contour.ModelContour`.
-        edges: direction (V, H, W, 2), nearest edge (V, H, W, 2) as x, y, claimed (V, H, W), and the depth (V, H, W)
-            beyond which parts already found hide what is there.
+        edges: direction (V, H, W, 2), nearest edge (V, H, W, 2) as x, y, claimed (V, H, W), and the depth beyond
+            which parts already found hide what is there, by blocks of pixels.
         reaches: tolerance in pixels, iteration by iteration.
         inplane: whether the rotation about the part's axis is corrected too.
 
@@ -105,7 +105,7 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
                     column, line = int(np.rint(u)), int(np.rint(w))
                     if column < 2 or line < 2 or column > width - 3 or line > height - 3:
                         continue
-                    if z > cover[v, line, column] + margin:
+                    if z > cover[v, line // COVER_BLOCK_PX, column // COVER_BLOCK_PX] + margin:
                         continue
                     ex, ey = nearest[v, line, column]
                     if ex < 0 or (ex - u) ** 2 + (ey - w) ** 2 > (reach + 1.0) ** 2:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.camera import View
+from vision.camera import Camera
 from vision.candidates import SalientCircles
 from vision.vision_model import VisionModel
 
@@ -17,7 +17,7 @@ OUTLINE_SHARE = 0.85  # of the largest radius: circles that large are outlines
 BODY_SLACK = 0.1  # of the thickness
 
 
-def cover(depth: NDArray[np.float32], T_world_part: Array, view: View, model: VisionModel) -> None:
+def cover(depth: NDArray[np.float32], T_camera_part: Array, camera: Camera, model: VisionModel) -> None:
     """Lower a depth map (H, W), in place, to the body that the part's coaxial circles span.
 
     The body is the hull of the largest circles, less the bore: solid, which a cup is not; but what else lies in the
@@ -25,15 +25,14 @@ def cover(depth: NDArray[np.float32], T_world_part: Array, view: View, model: Vi
 
     Args:
         depth: metres along the optical axis; infinite where nothing is known to be.
-        T_world_part: 4x4 pose of the part.
-        view: with a distortion-free lens.
+        T_camera_part: 4x4 pose of the part.
+        camera: free of distortion; its size is that of the map.
         model: of the part.
     """
-    T = np.linalg.inv(view.T_world_camera.as_matrix()) @ T_world_part
-    rims = _outlines(model, T)
+    rims = _outlines(model, T_camera_part)
     if min(rim[:, 2].min() for rim in rims) <= 0:
         return
-    outlines = [_pixels(rim, view) for rim in rims]
+    outlines = [_pixels(rim, camera) for rim in rims]
     hull = cv2.convexHull(np.vstack(outlines).astype(np.float32))
     x, y, width, height = cv2.boundingRect(hull)
     x0, y0 = max(x, 0), max(y, 0)
@@ -43,14 +42,14 @@ def cover(depth: NDArray[np.float32], T_world_part: Array, view: View, model: Vi
     body = np.full((y1 - y0, x1 - x0), np.inf, np.float32)
     body[_filled(hull, (x0, y0), body.shape)] = np.mean([rim[:, 2].mean() for rim in rims])
     columns, rows = np.arange(x0, x1, dtype=np.float32), np.arange(y0, y1, dtype=np.float32)[:, None]
-    rays = ((columns - view.camera.cx) / view.camera.fx, (rows - view.camera.cy) / view.camera.fy)
-    normal = T[:3, 2]
+    rays = ((columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy)
+    normal = T_camera_part[:3, 2]
     for rim, outline in zip(rims, outlines, strict=True):
         inside = _filled(outline, (x0, y0), body.shape)
         with np.errstate(divide="ignore"):
             plane = (normal @ rim.mean(axis=0)) / (normal[0] * rays[0] + (normal[1] * rays[1] + normal[2]))
         np.minimum(body, plane, out=body, where=inside & (plane > 0), casting="same_kind")
-    body[_seen_through(model, T, view, (x0, y0), body.shape)] = np.inf
+    body[_seen_through(model, T_camera_part, camera, (x0, y0), body.shape)] = np.inf
     window = depth[y0:y1, x0:x1]
     np.minimum(window, body, out=window)
 
@@ -80,7 +79,7 @@ def share_inside(poses: Array, T_world_found: Array, circles: SalientCircles) ->
 
 
 def _seen_through(
-    model: VisionModel, T_camera_part: Array, view: View, corner: tuple[int, int], shape: tuple[int, ...]
+    model: VisionModel, T_camera_part: Array, camera: Camera, corner: tuple[int, int], shape: tuple[int, ...]
 ) -> NDArray[np.bool_]:
     """The pixels that look through the bore: inside both of its rims."""
     if model.bore is None:
@@ -92,7 +91,7 @@ def _seen_through(
         t = np.linspace(0, 2 * np.pi, SAMPLES, endpoint=False)
         rim = np.column_stack([radius * np.cos(t), radius * np.sin(t), np.full(SAMPLES, z)])
         T = T_camera_part @ T_part_bore
-        through &= _filled(_pixels(rim @ T[:3, :3].T + T[:3, 3], view), corner, shape)
+        through &= _filled(_pixels(rim @ T[:3, :3].T + T[:3, 3], camera), corner, shape)
     return through
 
 
@@ -104,8 +103,7 @@ def _outlines(model: VisionModel, T_camera_part: Array) -> list[Array]:
     return [p @ T_camera_part[:3, :3].T + T_camera_part[:3, 3] for p in points]
 
 
-def _pixels(points: Array, view: View) -> Array:
-    camera = view.camera
+def _pixels(points: Array, camera: Camera) -> Array:
     return np.asarray(points[:, :2] / points[:, 2:] * (camera.fx, camera.fy) + (camera.cx, camera.cy))
 
 

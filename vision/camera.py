@@ -69,6 +69,19 @@ class Camera:
             cy=(height_px - 1) / 2,
         )
 
+    def reduced(self, block_px: int) -> Camera:
+        """The camera that takes each block of pixels, ``block_px`` wide and high, for one pixel."""
+        offset = (block_px - 1) / 2
+        return Camera(
+            -(-self.width_px // block_px),
+            -(-self.height_px // block_px),
+            self.fx / block_px,
+            self.fy / block_px,
+            (self.cx - offset) / block_px,
+            (self.cy - offset) / block_px,
+            self.distortion,
+        )
+
     @property
     def matrix(self) -> Array:
         """The 3x3 calibration matrix K."""

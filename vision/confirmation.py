@@ -18,7 +18,7 @@ from vision.arcs import Arc
 from vision.body import cover
 from vision.camera import View, camera_arrays
 from vision.evidence import EdgeField
-from vision.model_contour import ModelContour, tally_support
+from vision.model_contour import COVER_BLOCK_PX, ModelContour, tally_support
 from vision.pose import Observations
 from vision.vision_model import VisionModel
 
@@ -65,7 +65,9 @@ class SceneEdges:
         self._direction = _stacked([f.direction for f in fields], 0.0)
         self._nearest = _stacked([f.nearest for f in fields], -1.0)
         self._claimed: Mask = np.zeros(self._distance.shape, bool)
-        self._cover = np.full(self._distance.shape, np.inf, np.float32)
+        self._reduced = [v.camera.reduced(COVER_BLOCK_PX) for v in views]
+        blocks = (max(c.height_px for c in self._reduced), max(c.width_px for c in self._reduced))
+        self._cover = np.full((len(views), *blocks), np.inf, np.float32)
 
     def forget_claims(self) -> None:
         """Set all edges free."""
@@ -172,7 +174,9 @@ class SceneEdges:
     def claim(self, T_world_part: Array, contour: ModelContour, model: VisionModel, width_px: int = 2) -> None:
         """Mark the edges that a part explains as its own, and what it hides as hidden."""
         for v, view in enumerate(self.views):
-            cover(self._cover[v], T_world_part, view, model)
+            reduced = self._reduced[v]
+            hidden = self._cover[v, : reduced.height_px, : reduced.width_px]
+            cover(hidden, self.cameras[0][v] @ T_world_part, reduced, model)
             projection = contour.project(T_world_part, view)
             support = self.fields[v].support(projection.pixels, projection.normals, REACH_PX)
             support[self._is_claimed(v, projection.pixels)] = 0
@@ -220,6 +224,8 @@ def turned(T_world_part: Array, angles: Array) -> Array:
 def _stacked(images: Sequence[NDArray[np.float32]], beyond: float) -> NDArray[np.float32]:
     """Images of all views in one array, the smaller ones filled up."""
     rows, columns = (max(image.shape[axis] for image in images) for axis in (0, 1))
+    if all(image.shape[:2] == (rows, columns) for image in images):
+        return np.stack(images)
     out = np.full((len(images), rows, columns, *images[0].shape[2:]), beyond, np.float32)
     for target, image in zip(out, images, strict=True):
         target[: image.shape[0], : image.shape[1]] = image

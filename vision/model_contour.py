@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 SAMPLE_SPACING_PX = 3.0
 RIM_SLACK = 0.03  # taught radii are not exact, rims are rounded
 COVER_MARGIN = 0.1  # of the part's radius, behind the surface of another part
+COVER_BLOCK_PX = 2  # what parts hide is known by blocks of pixels
 GRAZING_COSINE = 0.12  # a circle seen at more than 83 degrees from its normal is not expected to show an edge
 
 
@@ -232,8 +233,8 @@ def tally_support(  # type: ignore[no-untyped-def]
         poses: (N, 4, 4) T_world_part.
         cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
         samples: points, tangents, normals (S, 3), circle numbers (S,) and rims (C, B, 2).
-        edges: distance (V, H, W), direction (V, H, W, 2), claimed (V, H, W), and the depth (V, H, W) beyond which
-            parts already found hide what is there.
+        edges: distance (V, H, W), direction (V, H, W, 2), claimed (V, H, W), and the depth beyond which parts
+            already found hide what is there, by blocks of pixels.
         reach_px: tolerance.
         total: (N, V, C) added to.
         count: (N, V, C, 2) added to: the samples that nothing known hides, and all that face the camera.
@@ -269,7 +270,7 @@ def tally_support(  # type: ignore[no-untyped-def]
                 if not passes_rims(points[i, 0], points[i, 1], points[i, 2], rims[c], eye):
                     continue
                 count[pose, view, c, 1] += 1.0
-                if z > cover[view, v, u] + margin:
+                if z > cover[view, v // COVER_BLOCK_PX, u // COVER_BLOCK_PX] + margin:
                     continue
                 count[pose, view, c, 0] += 1.0
                 near = (reach_px - distance[view, v, u]) / (reach_px - 1.0)

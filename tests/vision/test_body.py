@@ -13,8 +13,8 @@ def test_a_plate_covers_its_disc_at_its_own_depth_and_nothing_else(plate, photog
     T = pose(3, -4, 2, about=(6, -5, 10))
     (view,) = photograph([T], views=[1])
     depth = np.full(view.gray.shape, np.inf, np.float32)
-    cover(depth, T.as_matrix(), view, plate)
     T_camera_part = view.T_world_camera.inv() * T
+    cover(depth, T_camera_part.as_matrix(), view.camera, plate)
     inside, outside = ([0.026, 0.0, 0.0], [0.034, 0.0, 0.0])
     for point, hidden in ((inside, True), (outside, False)):
         u, v = np.round(view.project(T.apply([point]))[0]).astype(int)
@@ -27,15 +27,16 @@ def test_a_nearer_part_is_not_overwritten_and_one_behind_the_camera_covers_nothi
     (view,) = photograph([], views=[1])
     near, far = pose(0, 0, 12), pose(0, 0, -12)
     once = np.full(view.gray.shape, np.inf, np.float32)
-    cover(once, near.as_matrix(), view, plate)
+    T_camera_world = np.linalg.inv(view.T_world_camera.as_matrix())
+    cover(once, T_camera_world @ near.as_matrix(), view.camera, plate)
     twice = once.copy()
-    cover(twice, far.as_matrix(), view, plate)
+    cover(twice, T_camera_world @ far.as_matrix(), view.camera, plate)
     assert (twice <= once).all()
     assert np.array_equal(twice[np.isfinite(once)], once[np.isfinite(once)])
     untouched = once.copy()
     behind = view.T_world_camera.as_matrix() @ np.diag([1.0, 1.0, -1.0, 1.0])
     behind[:3, 3] = view.T_world_camera.translation - 0.3 * view.T_world_camera.as_matrix()[:3, 2]
-    cover(untouched, behind, view, plate)
+    cover(untouched, T_camera_world @ behind, view.camera, plate)
     assert np.array_equal(untouched, once)
 
 
