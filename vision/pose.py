@@ -225,7 +225,6 @@ def _systematic(J: Array, weights: Array, seen: Observations, axis: Array) -> Ar
     of holes turn the part about its axis; all are far above the noise of single points, which averages out over
     hundreds of them.
     """
-    total = np.zeros((6, 6))
     rows = (weights / seen.sigma_px)[:, None] * J
     turn = J[:, 3:] @ axis * seen.sigma_px
     tells = np.abs(turn) > 1e-3 * np.abs(turn).max()
@@ -233,20 +232,37 @@ def _systematic(J: Array, weights: Array, seen: Observations, axis: Array) -> Ar
     # How far the images of a circle's points move when it is lifted along the axis by one pixel's footprint.
     footprint = 1 / max(float(np.linalg.norm(J[:, :3] * seen.sigma_px[:, None], axis=1).max()), 1e-9)
     lift = J[:, :3] @ axis * seen.sigma_px * footprint
-    for circle in np.unique(seen.circle):
-        mine = seen.circle == circle
-        lifted = rows[mine].T @ lift[mine]
-        total += LIFT_SIGMA_PX**2 * np.outer(lifted, lifted)
-    for view in np.unique(seen.view):
-        mine = seen.view == view
-        shift = rows[mine].T @ seen.normals[mine]
-        twist = rows[mine].T @ turn[mine]
-        total += SHIFT_SIGMA_PX**2 * shift @ shift.T + TWIST_SIGMA_PX**2 * np.outer(twist, twist)
-        for circle in np.unique(seen.circle[mine]):
-            rim = mine & (seen.circle == circle)
-            swell, shift = rows[rim].sum(axis=0), rows[rim].T @ seen.normals[rim]
-            total += SWELL_SIGMA_PX**2 * np.outer(swell, swell) + RIM_SHIFT_SIGMA_PX**2 * shift @ shift.T
-    return total
+    # Whatever moves many points in common adds the square of its sum over them.
+    moved = np.stack([np.ones(len(turn)), *seen.normals.T, turn, lift])
+    of_rim, view, circle = _sums_by_rim(rows, moved, seen)
+    of_view = _one_hot(view) @ of_rim
+    of_circle = _one_hot(circle) @ of_rim
+    common = np.vstack(
+        [
+            SWELL_SIGMA_PX * of_rim[0],
+            *(RIM_SHIFT_SIGMA_PX * of_rim[1:3]),
+            *(SHIFT_SIGMA_PX * of_view[1:3]),
+            TWIST_SIGMA_PX * of_view[3],
+            LIFT_SIGMA_PX * of_circle[4],
+        ]
+    )
+    return common.T @ common
+
+
+def _sums_by_rim(rows: Array, moved: Array, seen: Observations) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
+    """Sums (M, G, 6) of rows (N, 6) times each of ``moved`` (M, N) over the points of one circle in one view.
+
+    Returns:
+        The sums, and of each of the G the number of its view and of its circle.
+    """
+    circles = int(seen.circle.max()) + 1
+    rims, of_point = np.unique(seen.view * circles + seen.circle, return_inverse=True)
+    return _one_hot(of_point) @ (moved[:, :, None] * rows), rims // circles, rims % circles
+
+
+def _one_hot(group: NDArray[np.intp]) -> Array:
+    """(G, N) 1 where a member belongs to a group: times (..., N, K), the sums over the groups."""
+    return np.asarray(group == np.unique(group)[:, None], dtype=np.float64)
 
 
 def _common_shift(T: Array, cameras: Sequence[tuple[Array, Array]]) -> Array:
