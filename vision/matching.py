@@ -23,6 +23,7 @@ from vision.hypothesis_pool import HypothesisPool
 from vision.matching_parameters import MatchingParameters
 from vision.model_contour import ModelContour
 from vision.pose import PoseEstimate, Refinement, refine_pose
+from vision.stereo_pose import pose_by_stereo
 from vision.vision_model import VisionModel
 
 Array = NDArray[np.float64]
@@ -185,9 +186,10 @@ class Matcher:
         )
 
     def _refined_on_ellipses(self, T: Array, matches: NDArray[np.intp], features: Features) -> Refinement | None:
-        """On the edge points of the matched ellipses alone."""
+        """On the matched ellipses alone: by stereo where two views share a circle, then on all their edge points."""
+        start = pose_by_stereo(T, matches, features, self.views, self.circles)
         return refine_pose(
-            T,
+            T if start is None else start,
             lambda pose, _: observe_ellipses(pose, matches, features, self.views, self.circles),
             self.views,
             iterations=4,

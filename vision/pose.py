@@ -1,4 +1,4 @@
-"""From matched features to the pose: quaternion absolute orientation, then robust refinement over all views."""
+"""From observed edges to the pose: robust refinement over all views, and what its result is worth."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.camera import View
-from vision.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -79,44 +78,6 @@ class Refinement:
     residuals: Array
     weights: Array
     residual_px: float
-
-
-def absolute_orientation(
-    points_part: ArrayLike, points_world: ArrayLike, weights: ArrayLike | None = None
-) -> RigidTransform:
-    """T_world_part that best carries points of the part onto points in the world (Section 7; the quaternion method).
-
-    The unit quaternion is the eigenvector of the largest eigenvalue of Horn's 4x4 matrix (J. Opt. Soc. Am. A 4(4),
-    1987).
-
-    Args:
-        points_part: (N, 3), N >= 3, not all on one line.
-        points_world: (N, 3).
-        weights: (N,) or None for equal ones.
-
-    Raises:
-        InputError: for fewer than three points, or points on a line.
-    """
-    a, b = np.asarray(points_part, dtype=float), np.asarray(points_world, dtype=float)
-    if a.shape != b.shape or a.ndim != 2 or a.shape[1:] != (3,) or len(a) < 3:
-        raise InputError("point pairs", got=f"{a.shape} and {b.shape}", expected="two (N, 3) arrays with N >= 3")
-    w = np.ones(len(a)) if weights is None else np.asarray(weights, dtype=float)
-    w = w / w.sum()
-    mean_a, mean_b = w @ a, w @ b
-    a, b = a - mean_a, b - mean_b
-    spread = np.linalg.svd(a * np.sqrt(w)[:, None], compute_uv=False)
-    if spread[1] < 1e-9 * max(spread[0], 1e-12):
-        raise InputError("points of the part", got="points on a line", expected="points that span a plane")
-    S = (w[:, None] * a).T @ b
-    trace = np.trace(S)
-    delta = np.array([S[1, 2] - S[2, 1], S[2, 0] - S[0, 2], S[0, 1] - S[1, 0]])
-    N = np.zeros((4, 4))
-    N[0, 0] = trace
-    N[0, 1:] = N[1:, 0] = delta
-    N[1:, 1:] = S + S.T - trace * np.eye(3)
-    w0, x, y, z = np.linalg.eigh(N)[1][:, -1]
-    rotation = Rotation.from_quat([x, y, z, w0])
-    return RigidTransform.from_components(mean_b - rotation.as_matrix() @ mean_a, rotation)
 
 
 def refine_pose(
