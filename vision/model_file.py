@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, get_args
@@ -22,6 +23,7 @@ from vision.vision_model import (
     CircleFeature,
     GraspCoordinates,
     GraspKind,
+    Pattern,
     Role,
     VisionModel,
 )
@@ -29,11 +31,15 @@ from vision.vision_model import (
 Array = NDArray[np.float64]
 
 FORMAT = "focalpick-vision-model"
-VERSION = 2
+VERSION = 3
 
 _ATTRIBUTES = tuple(f.name for f in fields(RegionAttributes))
 _POSE_KEYS = ("translation_m", "rotation_xyzw")
-_KEYS = ("format", "version", "part", "diameter_m", "symmetry_fold", "features", "grasps", "bore", "thresholds")
+_KEYS = (
+    *("format", "version", "part", "diameter_m", "symmetry_fold"),
+    *("features", "patterns", "grasps", "bore", "thresholds"),
+)
+_ROW_OF_NUMBERS = re.compile(r"\[\n\s+([-+.\deE]+(?:,\n\s+[-+.\deE]+)*)\n\s+\]")
 _THRESHOLDS = tuple(f.name for f in fields(ExtractionThresholds))
 
 
@@ -69,11 +75,14 @@ def model_to_json(model: VisionModel) -> str:
         "diameter_m": _number(model.diameter_m),
         "symmetry_fold": model.symmetry_fold,
         "features": [_feature_to_dict(f) for f in model.features],
+        "patterns": [_pattern_to_dict(p) for p in model.patterns],
         "grasps": [_grasp_to_dict(g) for g in model.grasps],
         "bore": None if model.bore is None else _bore_to_dict(model.bore),
         "thresholds": thresholds_to_dict(model.thresholds),
     }
-    return json.dumps(document, indent=2, allow_nan=False) + "\n"
+    text = json.dumps(document, indent=2, allow_nan=False) + "\n"
+    # A point to a line. No text in the document matches: there, a line break is written as an escape.
+    return _ROW_OF_NUMBERS.sub(lambda row: f"[{' '.join(row[1].split())}]", text)
 
 
 def model_from_json(text: str, source: str = "vision model") -> VisionModel:
@@ -98,6 +107,7 @@ def model_from_json(text: str, source: str = "vision model") -> VisionModel:
             grasps=tuple(_grasp_from(item) for item in d["grasps"].items()),
             bore=None if d["bore"].value is None else _bore_from(d["bore"]),
             thresholds=thresholds_from(d["thresholds"]),
+            patterns=tuple(_pattern_from(item) for item in d["patterns"].items()),
         )
     except FileFormatError:
         raise
@@ -168,6 +178,24 @@ def _range_from(name: str, item: JsonValue) -> AttributeRange:
     low, high = d["low"].number(), d["high"].number()
     item.check(low <= high, "low <= high")
     return AttributeRange(low, high)
+
+
+def _pattern_to_dict(pattern: Pattern) -> dict[str, Any]:
+    return {
+        "name": pattern.name,
+        "normal": [_measured(v, 7) for v in pattern.normal],
+        "points_m": [[_measured(v) for v in point] for point in pattern.points],
+        "directions": [[_measured(v, 7) for v in direction] for direction in pattern.directions],
+    }
+
+
+def _pattern_from(item: JsonValue) -> Pattern:
+    d = item.members("name", "normal", "points_m", "directions")
+    points = [point.vector(3) for point in d["points_m"].items()]
+    directions = [direction.unit(3) for direction in d["directions"].items()]
+    d["points_m"].check(len(points) > 0, "at least one point")
+    d["directions"].check(len(directions) == len(points), f"{len(points)} directions, one for each point")
+    return Pattern(d["name"].text(), d["normal"].unit(3), np.array(points), np.array(directions))
 
 
 def _grasp_to_dict(grasp: GraspCoordinates) -> dict[str, Any]:

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 Role = Literal["salient", "supporting"]
 GraspKind = Literal["outside", "inside"]
 
+_UNIT_TOLERANCE = 1e-6
+
 
 @dataclass(frozen=True)
 class AttributeRange:
@@ -64,6 +66,45 @@ class CircleFeature:
 
 
 @dataclass(frozen=True, eq=False)
+class Pattern:
+    """Edges on a face that are no taught circles, such as slots and ribs: a supporting feature (Section 6).
+
+    They follow from the taught views and say how the part is turned about its axis; edges that run around the axis,
+    which a turn does not move, are left out. All copies that the part's symmetry makes are there.
+
+    Attributes:
+        name: label.
+        normal: (3,) unit vector towards the side from which the edges are seen.
+        points: (N, 3) metres in the part's frame, evenly spaced along the edges; read-only.
+        directions: (N, 3) unit tangents of the edges at the points, whose sign has no meaning; read-only.
+    """
+
+    name: str
+    normal: Array
+    points: Array
+    directions: Array
+
+    def __post_init__(self) -> None:
+        count = len(self.points)
+        for name, shape in (("normal", (3,)), ("points", (count, 3)), ("directions", (count, 3))):
+            array = np.array(getattr(self, name), dtype=float)
+            expected = (
+                f"finite {'numbers' if name == 'points' else 'unit vectors'} of shape {shape}, at least one point"
+            )
+            good = array.shape == shape and array.size > 0 and bool(np.isfinite(array).all())
+            if good and name != "points":
+                good = bool((np.abs(np.linalg.norm(array, axis=-1) - 1) < _UNIT_TOLERANCE).all())
+            if not good:
+                raise InputError(f"{name} of pattern {self.name!r}", got=array, expected=expected)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Run the constructor again after unpickling, so that the arrays stay read-only."""
+        return (Pattern, (self.name, self.normal, self.points, self.directions))
+
+
+@dataclass(frozen=True, eq=False)
 class GraspCoordinates:
     """Where the gripper may take the part (Fig. 2 b).
 
@@ -103,6 +144,7 @@ class VisionModel:
         grasps: grasp coordinates.
         bore: the bore, where the part has one.
         thresholds: of the extractors, as adapted to the part.
+        patterns: edges on the faces besides the circles, as the taught views show them.
     """
 
     part: str
@@ -112,6 +154,7 @@ class VisionModel:
     grasps: tuple[GraspCoordinates, ...] = ()
     bore: BoreCoordinates | None = None
     thresholds: ExtractionThresholds = field(default_factory=ExtractionThresholds)
+    patterns: tuple[Pattern, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.salient:

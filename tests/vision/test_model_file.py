@@ -21,7 +21,13 @@ from vision.model_file import load_model, model_from_json, model_to_json, save_m
 MODELS = Path(__file__).resolve().parents[2] / "assets" / "models"
 SCHEMA = json.loads((MODELS / "vision_model.schema.json").read_text(encoding="utf-8"))
 SHIPPED = [MODELS / f"{name}.json" for name in ("hub", "cover1", "cover2")]
-HUB = json.loads(SHIPPED[0].read_text(encoding="utf-8"))
+PATTERN = {
+    "name": "vents",
+    "normal": [0.0, 0.0, 1.0],
+    "points_m": [[0.05, 0.01, 0.002], [0.052, 0.01, 0.002]],
+    "directions": [[1.0, 0.0, 0.0], [0.6, 0.8, 0.0]],
+}
+HUB = json.loads(SHIPPED[0].read_text(encoding="utf-8")) | {"patterns": [PATTERN]}
 
 
 def objects(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
@@ -33,7 +39,7 @@ def objects(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def changed(path: tuple[Any, ...], value: Any) -> dict[str, Any]:
-    """The hub's document with the value at a path replaced; ``...`` deletes the key."""
+    """The hub's document, given a pattern, with the value at a path replaced; ``...`` deletes the key."""
     document = copy.deepcopy(HUB)
     target = document
     for step in path[:-1]:
@@ -71,7 +77,8 @@ WRONG = [
     (("format",), "coco"),
     (("format",), ...),
     (("version",), 1),
-    (("version",), 3),
+    (("version",), 2),
+    (("version",), 4),
     (("version",), "1"),
     (("part",), ""),
     (("part",), 7),
@@ -107,6 +114,16 @@ WRONG = [
     (("features", 0, "attributes", "weight_kg"), {"low": 0, "high": 1}),
     (("features", 0, "attributes", "area_px"), {"low": 0}),
     (("features", 0, "attributes", "area_px"), 5),
+    (("patterns",), ...),
+    (("patterns",), {}),
+    (("patterns", 0, "name"), ""),
+    (("patterns", 0, "normal"), [0, 1]),
+    (("patterns", 0, "points_m"), []),
+    (("patterns", 0, "points_m", 1), [0.0, 0.1]),
+    (("patterns", 0, "points_m", 1, 2), None),
+    (("patterns", 0, "points_mm"), [[1, 2, 3]]),
+    (("patterns", 0, "directions"), ...),
+    (("patterns", 0, "directions", 0), 1.0),
     (("grasps", 0, "kind"), "sideways"),
     (("grasps", 0, "width_m"), 0),
     (("grasps", 0, "copies"), -1),
@@ -145,6 +162,9 @@ BEYOND_THE_SCHEMA = [
     (("features", 0, "normal"), [1e308, 1e308, 1e308]),
     (("features", 0, "attributes", "area_px"), {"low": 2, "high": 1}),
     (("features", 0, "attributes", "area_px", "low"), math.nan),
+    (("patterns", 0, "points_m", 0, 0), math.nan),
+    (("patterns", 0, "directions"), [[1, 0, 0]]),
+    (("patterns", 0, "directions", 1), [1, 1, 0]),
     (("grasps", 0, "rotation_xyzw"), [0, 0, 0, 0]),
     (("bore", "rotation_xyzw"), [0, 0, 0, 1.1]),
     (("thresholds", "noise_factor"), math.inf),
@@ -192,9 +212,15 @@ def test_model_is_not_written_where_there_is_no_directory(tmp_path):
 
 def test_model_without_bore_grasps_or_symmetry_comes_back():
     document = changed(("bore",), None) | {"grasps": [], "symmetry_fold": None}
-    text = json.dumps(document, indent=2) + "\n"
     assert follows(document, SCHEMA)
-    assert model_to_json(model_from_json(text)) == text
+    assert json.loads(model_to_json(model_from_json(json.dumps(document)))) == document
+
+
+def test_a_point_of_a_pattern_is_a_line_of_the_file_and_a_name_stays_what_it_is():
+    name = "[\n  1,\n  2\n]"
+    written_model = model_to_json(model_from_json(json.dumps(changed(("patterns", 0, "name"), name))))
+    assert "        [0.052, 0.01, 0.002]\n" in written_model
+    assert model_from_json(written_model).patterns[0].name == name
 
 
 def test_adapted_thresholds_come_back():

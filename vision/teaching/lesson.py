@@ -15,6 +15,7 @@ from vision.errors import InputError
 from vision.evidence import EdgeField
 from vision.extraction_thresholds import ExtractionThresholds
 from vision.features import EllipseFeature, Process
+from vision.teaching.pattern import learn_patterns
 from vision.teaching.settling import settle
 from vision.teaching.snapping import snap_to_edge
 from vision.teaching.triangulation import TriangulatedCircle, triangulate_circle
@@ -75,7 +76,7 @@ class Lesson:
 
 
 def acquire(lesson: Lesson, views: Sequence[View], found: Sequence[Sequence[EllipseFeature]]) -> VisionModel:
-    """The vision model that a lesson teaches.
+    """The vision model that a lesson teaches: the marked circles, and the patterns that nobody has to mark.
 
     The world frame of the views is the part's frame: the part stands centred on the teaching fixture.
 
@@ -97,6 +98,7 @@ def acquire(lesson: Lesson, views: Sequence[View], found: Sequence[Sequence[Elli
         lesson.grasps,
         lesson.bore,
         lesson.thresholds,
+        learn_patterns(views, features, lesson.diameter_m, lesson.symmetry_fold),
     )
 
 
