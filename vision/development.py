@@ -92,6 +92,25 @@ class Development:
         poses = self._aligned_on_rims(self._at_best_depth(poses, seed))
         return self._pool(poses, votes_of(poses, self.scene.cameras, self.circles.arrays, table)[1], seed)
 
+    def supported_by_others(self, T_world_part: Array, view: int, *, inplane: bool) -> Array:
+        """A pose that one view alone supports, moved along its line of sight to where the other views agree best.
+
+        Where a piece stands on edge, two views may see different faces of it: the circles of one face then fit one
+        view at any depth.
+
+        Args:
+            T_world_part: 4x4 pose.
+            view: the number of that view.
+            inplane: whether the rotation about the part's axis is known.
+        """
+        moved = self._moved_in_depth(
+            T_world_part[None], np.array([view]), np.array(self.parameters.far_depth_shares)
+        )[0]
+        support = self.scene.evidence(moved, self.contour, DEPTH_REACH_PX).score
+        best = moved[[int(support.argmax())]]
+        self.scene.align(best, self.contour, self.parameters.rim_reach_px, inplane=inplane)
+        return np.asarray(best[0])
+
     def _pool(self, poses: Array, matches: Indices, seed: Indices) -> HypothesisPool:
         return HypothesisPool.of(poses, matches, seed, self.scene.evidence(poses, self.contour.salient()).salient)
 
@@ -104,12 +123,17 @@ class Development:
         The size of one ellipse tells the depth within a percent or two, which another view sees as many pixels.
         """
         shares = np.array(self.parameters.depth_shares)
-        eyes = np.stack([v.T_world_camera.translation for v in self.scene.views])[seed[:, 0]]
-        moved = np.repeat(poses[:, None], len(shares), axis=1)
-        moved[:, :, :3, 3] += shares[:, None] * (poses[:, :3, 3] - eyes)[:, None]
+        moved = self._moved_in_depth(poses, seed[:, 0], shares)
         support = self.scene.evidence(moved.reshape(-1, 4, 4), self.contour.sparse(), DEPTH_REACH_PX).salient
         best = (support.reshape(moved.shape[:2]) - DEPTH_PRIOR * np.abs(shares)).argmax(axis=1)
         return np.asarray(moved[np.arange(len(poses)), best])
+
+    def _moved_in_depth(self, poses: Array, view: Indices, shares: Array) -> Array:
+        """Poses (N, S, 4, 4) whose distances from views (N,) differ by relative changes (S,)."""
+        eyes = np.stack([v.T_world_camera.translation for v in self.scene.views])[view]
+        moved = np.repeat(poses[:, None], len(shares), axis=1)
+        moved[:, :, :3, 3] += shares[:, None] * (poses[:, :3, 3] - eyes)[:, None]
+        return moved
 
     def _aligned_on_rims(self, poses: Array) -> Array:
         """Let the edges of all views correct poses that the ellipses of one view left uncertain."""

@@ -34,6 +34,7 @@ SUPPORTING_COLOUR: Colour = (40, 160, 60)
 """RGB of its supporting features."""
 
 ELLIPSE_POINTS = 90
+TICK_PX = 3.0
 _GOLDEN_RATIO = (5**0.5 - 1) / 2
 _SUBPIXEL_BITS = 4
 _TITLE_HEIGHT_PX = 34
@@ -137,6 +138,11 @@ def model_strokes(contour: ModelContour, T_world_part: Array, view: View) -> Str
     lines, colours = [], []
     for number in np.unique(circle):
         mine = np.flatnonzero(circle == number)
+        if contour.circle_drawn[number]:
+            ticks = _ticks(projection.pixels[mine], projection.normals[mine])
+            lines += ticks
+            colours += [SUPPORTING_COLOUR] * len(ticks)
+            continue
         samples = projection.index[mine]
         # Samples that turn away from the camera leave gaps, over which no line may run.
         runs = np.split(projection.pixels[mine], np.flatnonzero(np.diff(samples) > 1) + 1)
@@ -145,6 +151,12 @@ def model_strokes(contour: ModelContour, T_world_part: Array, view: View) -> Str
         lines += runs
         colours += [SALIENT_COLOUR if contour.circle_salient[number] else SUPPORTING_COLOUR] * len(runs)
     return Strokes(tuple(lines), np.array(colours, np.uint8))
+
+
+def _ticks(pixels: Array, normals: Array) -> list[Array]:
+    """A short line (2, 2) along the edge at each point of a pattern."""
+    along = 0.5 * TICK_PX * np.column_stack([-normals[:, 1], normals[:, 0]])
+    return list(np.stack([pixels - along, pixels + along], axis=1))
 
 
 def paint(image: Image, strokes: Strokes, *, zoom: int = 1, thickness_px: int = 1) -> Image:

@@ -75,13 +75,13 @@ class Matcher:
             allowed = candidates.preferred if number == 0 else np.ones(len(candidates), bool)
             chosen = development.promising(candidates, allowed)
             pool = pool.joined(development.of_candidates(candidates.take(chosen), table))
-            found, pool = self._accept(pool, minimum_score, features, contour)
+            found, pool = self._accept(pool, minimum_score, features, development)
             accepted += found
             candidates = self._untried(candidates, chosen, accepted)
         if any(map(len, arcs)) and self.workspace is not None:
             known = [e.T_world_part.as_matrix() for e in accepted]
             pool = pool.joined(development.of_arcs(arcs, self.workspace, table, known))
-            accepted += self._accept(pool, self.parameters.minimum_scores[-1], features, contour)[0]
+            accepted += self._accept(pool, self.parameters.minimum_scores[-1], features, development)[0]
         return sorted(accepted, key=lambda e: -e.score)
 
     def _untried(
@@ -106,7 +106,7 @@ class Matcher:
         return ModelContour.of(self.model, self.views[0].camera.fx / distance)
 
     def _accept(
-        self, pool: HypothesisPool, minimum_score: float, features: Features, contour: ModelContour
+        self, pool: HypothesisPool, minimum_score: float, features: Features, development: Development
     ) -> tuple[list[PoseEstimate], HypothesisPool]:
         """Greedily accept the best supported hypothesis, let it claim its edges, and weigh the rest again.
 
@@ -114,13 +114,14 @@ class Matcher:
             The accepted poses, and the hypotheses that are left.
         """
         accepted: list[PoseEstimate] = []
+        contour = development.contour
         while len(pool):
             best = int(np.argmax(pool.standing))
             if pool.standing[best] < minimum_score:
                 break
             chosen, pool = pool.take(np.array([best])), pool.take(np.arange(len(pool)) != best)
             if not chosen.turned[0]:
-                pool = pool.joined(self._turn(chosen, contour))
+                pool = pool.joined(self._turn(chosen, development))
                 continue
             final = self._finish(chosen, features, contour)
             if final is None:
@@ -130,15 +131,21 @@ class Matcher:
             pool = self._left_over(pool, final.T_world_part.as_matrix(), contour)
         return accepted, pool
 
-    def _turn(self, hypothesis: HypothesisPool, contour: ModelContour) -> HypothesisPool:
+    def _turn(self, hypothesis: HypothesisPool, development: Development) -> HypothesisPool:
         """Settle the rotation about the axis by the supporting features, which then count as well."""
         yes = np.ones(1, bool)
         fold = self.model.symmetry_fold
         if fold is None:
             return replace(hypothesis, turned=yes)
-        T, known = self.scene.find_inplane(hypothesis.poses[0], contour, fold)
+        T, known = self.scene.find_inplane(hypothesis.poses[0], development.contour, fold)
+        evidence = self.scene.evidence(T[None], development.contour)
+        if evidence.views[0] == 1 < len(self.views):
+            moved = development.supported_by_others(T, int(hypothesis.seed[0, 0]), inplane=known)
+            better = self.scene.evidence(moved[None], development.contour)
+            if better.score[0] > evidence.score[0]:
+                T, evidence = moved, better
         turned = replace(hypothesis, poses=T[None], turned=yes, inplane_known=np.array([known]))
-        return turned.weighed(np.array([0]), self.scene.evidence(T[None], contour))
+        return turned.weighed(np.array([0]), evidence)
 
     def _left_over(self, pool: HypothesisPool, T_found: Array, contour: ModelContour) -> HypothesisPool:
         """The hypotheses that are not the part just found, those near it weighed without the edges it claimed."""

@@ -17,6 +17,7 @@ class MatchingParameters:
         rim_reach_px: the same for the first correction of a candidate.
         loose_reach_px: tolerance with which candidates are first weighed by the edges near them.
         depth_shares: relative changes of the distance that are tried for a candidate.
+        far_depth_shares: the same for a pose that only one view supports.
         leash: how far a refinement may move a pose before it has run away, in part diameters.
         joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points.
     """
@@ -28,5 +29,6 @@ class MatchingParameters:
     rim_reach_px: tuple[float, ...] = (6.0, 4.0, 3.0)
     loose_reach_px: float = 7.0
     depth_shares: tuple[float, ...] = (0.0, -0.02, -0.015, -0.01, -0.005, 0.005, 0.01, 0.015, 0.02)
+    far_depth_shares: tuple[float, ...] = tuple(0.0025 * step for step in range(-16, 17))
     leash: float = 0.05
     joint_edges: bool = True

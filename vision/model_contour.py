@@ -1,4 +1,4 @@
-"""The vision model as sampled contours: which of its circles a view shows, and where they fall in the image."""
+"""The vision model as sampled contours: which of its features a view shows, and where they fall in the image."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from vision.camera import View
 from vision.circle_pose import Circle, plane_axes
-from vision.vision_model import VisionModel
+from vision.vision_model import CircleFeature, Pattern, VisionModel, turns_about_axis
 
 Array = NDArray[np.float64]
 
 SAMPLE_SPACING_PX = 3.0
+PATTERN_SAMPLES = 40  # of one copy
 RIM_SLACK = 0.03  # taught radii are not exact, rims are rounded
 COVER_MARGIN = 0.1  # of the part's radius, behind the surface of another part
 COVER_BLOCK_PX = 2  # what parts hide is known by blocks of pixels
@@ -40,14 +41,17 @@ class Projection:
 
 @dataclass(frozen=True, eq=False)
 class ModelContour:
-    """Points along the circles of a vision model, dense enough for the image scale at hand.
+    """Points along the circles and patterns of a vision model, dense enough for the image scale at hand.
+
+    Each copy of a feature counts as a circle of its own, also a pattern's, whose points lie on no circle.
 
     Attributes:
         points: (S, 3) in the part's frame, metres.
         tangents: (S, 3) unit tangents.
-        normals: (S, 3) normals of the circles.
+        normals: (S, 3) unit vectors to the side from which the circles are seen.
         circle: (S,) number of the circle a sample belongs to, ascending.
         circle_salient: (C,) whether the circle is a salient feature.
+        circle_drawn: (C,) whether it is a pattern.
         circle_symmetric: (C,) whether the circle looks the same under every rotation about z.
         circle_weight: (C,) how much it counts: the edge support that it had when it was taught.
         circle_copies: (C,) number of copies of its feature for the first of them, 0 for the others.
@@ -59,6 +63,7 @@ class ModelContour:
     normals: Array
     circle: NDArray[np.intp]
     circle_salient: NDArray[np.bool_]
+    circle_drawn: NDArray[np.bool_]
     circle_symmetric: NDArray[np.bool_]
     circle_weight: Array
     circle_copies: NDArray[np.intp]
@@ -115,30 +120,28 @@ class ModelContour:
 
     @classmethod
     def of(cls, model: VisionModel, scale_px_per_m: float) -> ModelContour:
-        """Sample the circles of a model at an image scale (focal length over distance)."""
-        parts: list[tuple[Array, Array, Array]] = []
-        salient, symmetric, weight, copies = [], [], [], []
-        for feature in model.features:
-            on_axis = float(np.hypot(*feature.circle.centre[:2])) < 1e-3 * model.diameter_m
-            first = feature.circle
-            circumference_px = 2 * np.pi * first.radius_m * scale_px_per_m
-            n = int(np.clip(circumference_px / SAMPLE_SPACING_PX, 12, 160))
-            u, v = plane_axes(first.normal)
-            t = np.linspace(0, 2 * np.pi, n, endpoint=False)[:, None]
-            points = first.centre + first.radius_m * (np.cos(t) * u + np.sin(t) * v)
-            tangents = -np.sin(t) * u + np.cos(t) * v
-            copies += [feature.copies] + [0] * (feature.copies - 1)
-            for turn in feature.turns():
-                normal = np.broadcast_to(turn @ first.normal, (n, 3))
-                parts.append((points @ turn.T, tangents @ turn.T, normal))
-                salient.append(feature.role == "salient")
-                symmetric.append(on_axis)
-                weight.append(feature.support)
-        points, tangents, normals = (np.vstack([p[k] for p in parts]) for k in range(3))
-        number = np.repeat(np.arange(len(parts)), [len(p[0]) for p in parts])
-        rims = _rims_before([circle for f in model.features for circle in f.circles()], model)
-        of_circle = (np.array(salient), np.array(symmetric), np.array(weight), np.array(copies))
-        return cls(points, tangents, normals, number, *of_circle, rims)
+        """Sample the features of a model at an image scale (focal length over distance)."""
+        curves = [_along_circle(feature, model, scale_px_per_m) for feature in model.features]
+        curves += [_along_pattern(pattern, model) for pattern in model.patterns]
+        turns = [(curve, turn) for curve in curves for turn in turns_about_axis(curve.copies)]
+        points, tangents, normals = (
+            np.vstack([getattr(curve, name) @ turn.T for curve, turn in turns])
+            for name in ("points", "tangents", "normals")
+        )
+        first = [number == 0 for curve in curves for number in range(curve.copies)]
+        of_all = [curve for curve, _ in turns]
+        return cls(
+            points,
+            tangents,
+            normals,
+            np.repeat(np.arange(len(turns)), [len(curve.points) for curve in of_all]),
+            np.array([curve.salient for curve in of_all]),
+            np.array([curve.drawn for curve in of_all]),
+            np.array([curve.symmetric for curve in of_all]),
+            np.array([curve.weight for curve in of_all]),
+            np.array([curve.copies * is_first for curve, is_first in zip(of_all, first, strict=True)]),
+            _rims_before([(curve.normals[0, 2], curve.points[:, 2].mean()) for curve in of_all], model),
+        )
 
     def project(self, T_world_part: Array, view: View) -> Projection:
         """Project the samples of the circles that face the camera.
@@ -154,20 +157,60 @@ class ModelContour:
         return Projection(*_project(np.ascontiguousarray(T), intrinsics, samples))
 
 
-def _rims_before(circles: Sequence[Circle], model: VisionModel) -> Array:
-    """For each circle the salient ones of the same side that lie nearer to the viewer, (C, B, 2)."""
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """The first copy of a feature, sampled: points, tangents and normals (S, 3)."""
+
+    points: Array
+    tangents: Array
+    normals: Array
+    copies: int
+    weight: float
+    salient: bool
+    drawn: bool
+    symmetric: bool
+
+
+def _along_circle(feature: CircleFeature, model: VisionModel, scale_px_per_m: float) -> _Curve:
+    circle = feature.circle
+    circumference_px = 2 * np.pi * circle.radius_m * scale_px_per_m
+    n = int(np.clip(circumference_px / SAMPLE_SPACING_PX, 12, 160))
+    u, v = plane_axes(circle.normal)
+    t = np.linspace(0, 2 * np.pi, n, endpoint=False)[:, None]
+    points = circle.centre + circle.radius_m * (np.cos(t) * u + np.sin(t) * v)
+    tangents = -np.sin(t) * u + np.cos(t) * v
+    normals = np.broadcast_to(circle.normal, (n, 3))
+    symmetric = float(np.hypot(*circle.centre[:2])) < 1e-3 * model.diameter_m
+    return _Curve(
+        points, tangents, normals, feature.copies, feature.support, feature.role == "salient", False, symmetric
+    )
+
+
+def _along_pattern(pattern: Pattern, model: VisionModel) -> _Curve:
+    """One sector of a pattern: it is the same in all."""
+    fold = model.symmetry_fold or 1
+    sector = np.flatnonzero(np.arctan2(pattern.points[:, 1], pattern.points[:, 0]) % (2 * np.pi) < 2 * np.pi / fold)
+    chosen = sector[:: -(-len(sector) // PATTERN_SAMPLES)]
+    normals = np.broadcast_to(pattern.normal, (len(chosen), 3))
+    return _Curve(pattern.points[chosen], pattern.directions[chosen], normals, fold, 1.0, False, True, False)
+
+
+def _rims_before(sides: Sequence[tuple[float, float]], model: VisionModel) -> Array:
+    """For curves of a side, +1 or -1, and height: the salient circles of that side nearer to the eye, (C, B, 2)."""
     rims = [f.circle for f in model.salient]
     slack = 0.01 * model.diameter_m
-    before = [[(rim.radius_m, rim.centre[2]) for rim in rims if _is_before(rim, circle, slack)] for circle in circles]
-    out = np.full((len(circles), max(map(len, before), default=0), 2), np.nan)
+    before = [
+        [(rim.radius_m, rim.centre[2]) for rim in rims if _is_before(rim, np.sign(side), height, slack)]
+        for side, height in sides
+    ]
+    out = np.full((len(sides), max(map(len, before), default=0), 2), np.nan)
     for row, found in zip(out, before, strict=True):
         row[: len(found)] = np.reshape(found, (-1, 2))
     return out
 
 
-def _is_before(rim: Circle, circle: Circle, slack: float) -> bool:
-    side = np.sign(circle.normal[2])
-    return bool(side == np.sign(rim.normal[2]) and side * (rim.centre[2] - circle.centre[2]) > slack)
+def _is_before(rim: Circle, side: float, height: float, slack: float) -> bool:
+    return bool(side == np.sign(rim.normal[2]) and side * (rim.centre[2] - height) > slack)
 
 
 @njit(cache=True, inline="always")

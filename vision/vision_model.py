@@ -25,6 +25,12 @@ GraspKind = Literal["outside", "inside"]
 _UNIT_TOLERANCE = 1e-6
 
 
+def turns_about_axis(copies: int) -> Array:
+    """(copies, 3, 3) rotations about the part's axis that carry a feature into its copies."""
+    angles = np.arange(copies) * 2 * np.pi / copies
+    return Rotation.from_rotvec(np.outer(angles, [0.0, 0.0, 1.0])).as_matrix()
+
+
 @dataclass(frozen=True)
 class AttributeRange:
     """The smallest and the largest value that a region attribute took in the taught views."""
@@ -55,14 +61,12 @@ class CircleFeature:
     support: float = 1.0
     attributes: tuple[tuple[str, AttributeRange], ...] = ()
 
-    def turns(self) -> Array:
-        """(copies, 3, 3) rotations about the part's axis that carry the circle into its copies."""
-        angles = np.arange(self.copies) * 2 * np.pi / self.copies
-        return Rotation.from_rotvec(np.outer(angles, [0.0, 0.0, 1.0])).as_matrix()
-
     def circles(self) -> list[Circle]:
         """The circles of all copies."""
-        return [Circle(R @ self.circle.centre, R @ self.circle.normal, self.circle.radius_m) for R in self.turns()]
+        return [
+            Circle(R @ self.circle.centre, R @ self.circle.normal, self.circle.radius_m)
+            for R in turns_about_axis(self.copies)
+        ]
 
 
 @dataclass(frozen=True, eq=False)

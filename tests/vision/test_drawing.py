@@ -56,7 +56,16 @@ def circle_contour(radius_m: float, facing: float) -> ModelContour:
     normals = np.tile([0.0, 0.0, facing], (40, 1))
     flags = np.array([True])
     return ModelContour(
-        radius_m * unit, tangents, normals, np.zeros(40, int), flags, flags, np.ones(1), np.empty((1, 0, 2))
+        radius_m * unit,
+        tangents,
+        normals,
+        np.zeros(40, int),
+        flags,
+        ~flags,
+        flags,
+        np.ones(1),
+        np.ones(1, int),
+        np.empty((1, 0, 2)),
     )
 
 
