@@ -71,7 +71,7 @@ class CircleFeature:
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Edges on a face that are no taught circles, such as slots and ribs: a supporting feature (Section 6).
+    """Edges on a face that are no taught circles, such as those of slots: a supporting feature (Section 6).
 
     They follow from the taught views and say how the part is turned about its axis; edges that run around the axis,
     which a turn does not move, are left out. All copies that the part's symmetry makes are there.

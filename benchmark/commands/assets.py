@@ -58,5 +58,6 @@ def teach(out: OptionalPath = None) -> int:
         model = replay(lesson)
         save_model(model, models / f"{name}.json")
         salient = ", ".join(f.name for f in model.salient)
-        print(f"{name}: {len(session.events)} events, {len(model.features)} features, salient: {salient}")
+        counts = f"{len(session.events)} events, {len(model.features)} features, {len(model.patterns)} patterns"
+        print(f"{name}: {counts}, salient: {salient}")
     return 0

@@ -15,7 +15,7 @@ def show(
 ) -> int:
     """Print a vision model for people, and draw it.
 
-    Its circles with role and extractor, the attributes of their regions, grasps, bore and thresholds.
+    Its circles with role and extractor, its patterns, the attributes of regions, grasps, bore and thresholds.
 
     Example: focalpick model show hub --out hub.png
 

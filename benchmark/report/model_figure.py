@@ -1,4 +1,4 @@
-"""A vision model as a drawing: its circles from the front and from the side, with grasps and bore (Fig. 2 b)."""
+"""A vision model as a drawing: its circles and patterns, with grasps and bore (Fig. 2 b), from two directions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from vision.errors import InputError
-from vision.vision_model import CircleFeature, GraspCoordinates, VisionModel
+from vision.vision_model import CircleFeature, GraspCoordinates, Pattern, VisionModel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 ROLE_COLOURS = {"salient": "#1f6f8b", "supporting": "#c98f3c"}
 ORDER = {"supporting": 2.0, "salient": 2.1}
 GRASP_COLOURS = {"outside": "#7a4f9a", "inside": "#b0413e"}
+PATTERN_COLOUR = "#4c956c"
 BORE_COLOUR = "#e5e8eb"
 FINGER_LENGTH = 0.12  # of the part's diameter
 STYLE = {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "figure.dpi": 150}
@@ -53,6 +54,9 @@ def draw_model(model: VisionModel) -> Figure:
     for feature in model.features:
         _draw_circles(feature, front, (0, 1))
         _draw_circles(feature, side, (0, 2))
+    for pattern in model.patterns:
+        _draw_pattern(pattern, front, (0, 1))
+        _draw_pattern(pattern, side, (0, 2))
     _draw_bore(model, front, side)
     for grasp in model.grasps:
         for axes, columns in ((front, (0, 1)), (side, (0, 2))):
@@ -62,6 +66,8 @@ def draw_model(model: VisionModel) -> Figure:
     _name_circles(model, side)
     handles = [plt.Line2D([], [], color=c, label=f"{role} feature") for role, c in ROLE_COLOURS.items()]
     handles.append(plt.Line2D([], [], color="grey", ls="--", label="seen from the back"))
+    if model.patterns:
+        handles.append(plt.Line2D([], [], color=PATTERN_COLOUR, ls="", marker=".", label="pattern"))
     kinds = {g.kind for g in model.grasps}
     handles += [plt.Line2D([], [], color=c, lw=3, label=f"grasp {k}") for k, c in GRASP_COLOURS.items() if k in kinds]
     if model.bore is not None:
@@ -76,6 +82,11 @@ def _draw_circles(feature: CircleFeature, axes: Axes, columns: tuple[int, int]) 
         outline = 1e3 * circle.sample(121)[:, columns]
         outline = np.vstack([outline, outline[:1]])
         axes.plot(*outline.T, color=ROLE_COLOURS[feature.role], ls=dashed, lw=1.2, zorder=ORDER[feature.role])
+
+
+def _draw_pattern(pattern: Pattern, axes: Axes, columns: tuple[int, int]) -> None:
+    dots = 1e3 * pattern.points[:, columns]
+    axes.plot(*dots.T, ".", color=PATTERN_COLOUR, ms=2.5, zorder=ORDER["supporting"])
 
 
 def _draw_bore(model: VisionModel, front: Axes, side: Axes) -> None:

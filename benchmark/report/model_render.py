@@ -19,7 +19,7 @@ NOTHING = "-"
 
 
 def print_model(model: VisionModel, console: Console) -> None:
-    """Print the tables: features, attributes of their regions, grasps and bore, thresholds.
+    """Print the tables: features, patterns, attributes of the regions, grasps and bore, thresholds.
 
     Args:
         model: the model.
@@ -29,7 +29,7 @@ def print_model(model: VisionModel, console: Console) -> None:
     turns = "every rotation looks the same" if fold is None else f"{fold} rotations look the same"
     console.print(Text(f"{model.part}: outline {1e3 * model.diameter_m:.1f} mm, {turns}", style="bold"))
     console.print()
-    for table in (_features(model), _attributes(model), _handling(model), _thresholds(model)):
+    for table in (_features(model), _patterns(model), _attributes(model), _handling(model), _thresholds(model)):
         console.print(table)
 
 
@@ -49,6 +49,21 @@ def _features(model: VisionModel) -> RichTable:
     ]
     columns = ("feature", "role", "seen from", "dia. mm", "centre mm", "copies", "extractor", "edges seen")
     return _table("Features", columns, rows)
+
+
+def _patterns(model: VisionModel) -> RichTable:
+    rows = [
+        (
+            p.name,
+            "front" if p.normal[2] > 0 else "back",
+            _range_of(1e3 * p.points[:, 2]),
+            _range_of(1e3 * np.hypot(*p.points[:, :2].T)),
+            str(len(p.points)),
+        )
+        for p in model.patterns
+    ]
+    columns = ("pattern", "seen from", "height mm", "distance from axis mm", "points")
+    return _table("Patterns on the faces", columns, rows)
 
 
 def _attributes(model: VisionModel) -> RichTable:
@@ -86,6 +101,11 @@ def _range(feature: CircleFeature, name: str) -> str:
         return NOTHING
     digits = 0 if found.high >= 100 else 2
     return f"{found.low:.{digits}f} .. {found.high:.{digits}f}"
+
+
+def _range_of(values: np.ndarray) -> str:
+    low, high = (f"{v + 0.0:.2f}" for v in np.round([values.min(), values.max()], 2))
+    return low if low == high else f"{low} .. {high}"
 
 
 def _millimetres(point: np.ndarray) -> str:

@@ -39,6 +39,18 @@ def test_all_that_a_model_says_is_printed():
     assert "15.0" in bore
 
 
+def test_patterns_are_printed_with_face_and_height_and_drawn_to_scale():
+    model = load_model("cover1")
+    row = next(line for line in printed(model).splitlines() if "pattern_back_1" in line).split()
+    assert row[1:3] == ["back", f"{1e3 * model.patterns[1].points[0, 2]:.2f}"]
+    assert row[-1] == str(len(model.patterns[1].points))
+    drawn = [line.get_xydata() for line in draw_model(model).axes[0].lines]
+    for pattern in model.patterns:
+        assert any(line.shape == (len(pattern.points), 2) for line in drawn)
+        assert any(np.array_equal(line, 1e3 * pattern.points[:, :2]) for line in drawn)
+    assert "pattern_" not in printed(load_model("hub"))
+
+
 def test_adapted_thresholds_stand_beside_the_defaults():
     adapted = replace(load_model("cover1"), thresholds=ExtractionThresholds(homogeneity=4.25))
     row = next(line for line in printed(adapted).splitlines() if "homogeneity" in line)
@@ -58,7 +70,7 @@ def test_the_drawing_shows_every_circle_to_scale():
     front = figure.axes[0]
     circles = sum(f.copies for f in model.features)
     grasps = 2 * len(model.grasps)
-    assert len(front.lines) == circles + grasps
+    assert len(front.lines) == circles + grasps + len(model.patterns)
     reach = max(np.abs(line.get_xydata()).max() for line in front.lines)
     assert reach == pytest.approx(1e3 * (0.0352 + model.supporting[0].circle.radius_m), abs=0.1)
 

@@ -47,10 +47,12 @@ def test_cover2_is_taught_by_mouse_and_keyboard(
     person.press("Control+s")
     expect(page.get_by_text("Saved as")).to_be_visible(timeout=60_000)
     assert page.evaluate("() => window.focalpickUnsaved") is False
+    shown = page.evaluate("() => Object.values(window.focalpickStage.state.views[0].patterns).flat()")
     assert program.interrupt() == 130
     taught = load_model(lesson / "model.json")
     assert model_to_json(replay(lesson)) == (lesson / "model.json").read_text()
     same_as(taught, document, load_session(lesson))
+    assert len(shown) == sum(len(p.points) for p in taught.patterns if p.normal[2] > 0) > 300
     assert hits(taught) >= hits(shipped_model("cover2")) - 1
 
 

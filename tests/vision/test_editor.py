@@ -26,6 +26,7 @@ from vision.teaching.editor.workers import StoppedError, Worker
 from vision.teaching.lesson import locate
 from vision.teaching.session import Session
 from vision.teaching.session_file import load_session
+from vision.vision_model import Pattern
 
 UPRIGHT = RigidTransform.identity()
 
@@ -127,6 +128,14 @@ def test_drawing_state_has_the_circle_in_every_view_that_faces_it(views, inspect
     assert {key for key in state if key.startswith("circles/")} == {f"circles/{v}/f1" for v in range(5)}
     assert "px" in state["circles/0/f1"]["label"]
     assert state["circles/4/f1"]["label"] == ""
+
+
+def test_drawing_state_has_a_pattern_in_every_view_of_its_face(views, inspector):
+    points, along = np.array([[0.01, 0.0, 0.004], [0.011, 0.0, 0.004]]), np.tile([1.0, 0, 0], (2, 1))
+    front, back = (Pattern(name, np.array([0, 0, side]), points, along) for name, side in (("a", 1.0), ("b", -1.0)))
+    state = drawing_state([], {}, inspector, [front, back])
+    assert {key for key in state if key.startswith("patterns/")} == {f"patterns/{v}/a" for v in range(5)}
+    assert np.allclose(state["patterns/2/a"], views[2].project(points), atol=0.051)
 
 
 def test_only_differences_travel():

@@ -1,4 +1,4 @@
-"""What is drawn on a face besides the taught circles: slots, vents, whatever else says how a part is turned.
+"""What is drawn on a face besides the taught circles: slots, ears, whatever else says how a part is turned.
 
 Nobody clicks these edges. Once the part's frame is known in all taught views they follow from the pictures: put back
 into a plane across the axis, the edges that lie in that plane coincide whichever view they were seen in, and in every

@@ -1,6 +1,7 @@
 """What the page draws, as a flat table of small JSON values: only those that changed travel to the browser.
 
-Keys are ``features`` (names and colours), ``marks/VIEW/FEATURE`` and ``circles/VIEW/FEATURE``.
+Keys are ``features`` (names and colours), ``marks/VIEW/FEATURE``, ``circles/VIEW/FEATURE`` and
+``patterns/VIEW/PATTERN``.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from vision.ellipse import Ellipse
 from vision.teaching.document import MarkedFeature
 from vision.teaching.editor.findings import Finding, Inspector, Mark
 from vision.teaching.guides import epipolar_curve, predict_ellipse
+from vision.vision_model import Pattern
 
 State = dict[str, Any]
 
@@ -38,13 +40,16 @@ GUIDE_CURVES = 8
 REACH_OF_RADIUS = 1.3  # how far from the origin a guide looks for the point, over the part's radius
 
 
-def drawing_state(findings: Sequence[Finding], colours: Mapping[str, str], inspector: Inspector) -> State:
+def drawing_state(
+    findings: Sequence[Finding], colours: Mapping[str, str], inspector: Inspector, patterns: Sequence[Pattern] = ()
+) -> State:
     """Everything that is drawn into the pictures, apart from guides.
 
     Args:
         findings: of all features.
         colours: by identifier of the feature.
         inspector: of the lesson.
+        patterns: that were learnt without marks.
     """
     features = [f.feature for f in findings]
     state: State = {"features": {f.feature_id: {"name": f.name, "colour": colours[f.feature_id]} for f in features}}
@@ -54,6 +59,10 @@ def drawing_state(findings: Sequence[Finding], colours: Mapping[str, str], inspe
             state[f"marks/{v}/{name}"] = _mark(mark)
         for v, image in inspector.shown_in(finding).items():
             state[f"circles/{v}/{name}"] = _circle(finding, v, image)
+    for pattern in patterns:
+        for v, view in enumerate(inspector.views):
+            if (view.T_world_camera.translation - pattern.points[0]) @ pattern.normal > 0:
+                state[f"patterns/{v}/{pattern.name}"] = view.project(pattern.points).round(1).tolist()
     return state
 
 

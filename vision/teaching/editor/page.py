@@ -218,7 +218,8 @@ class Page:
         if not self._ready:
             return
         findings = self.workshop.findings()
-        state = drawing_state(findings, self.workshop.colours(), self.workshop.inspector)
+        workshop = self.workshop
+        state = drawing_state(findings, workshop.colours(), workshop.inspector, workshop.patterns)
         changes, self._drawn = difference(self._drawn, state), state
         finding = self.finding()
         shown = (

@@ -73,3 +73,15 @@ class Services(Protocol):
     ) -> None:
         """Localise the part in fresh scenes with a model and report each scene when it is done."""
         ...
+
+
+def run_trial(
+    services: Services,
+    model: VisionModel,
+    views: Sequence[View],
+    scenes: int,
+    seed: int,
+    report: Callable[[SceneOutcome], None],
+) -> None:
+    """``Services.try_model`` as a function, to be called in another process."""
+    services.try_model(model, views, scenes, seed, report)

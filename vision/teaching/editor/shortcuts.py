@@ -11,7 +11,7 @@ SHORTCUTS = {
         ("0", "whole picture"),
         ("Space + drag", "pan (also the middle button, the arrow keys)"),
         ("1  2  3", "regions, groups, edges"),
-        ("4  5", "taught circles, guides"),
+        ("4  5  6", "taught circles, guides, patterns"),
         ("L", "magnifier"),
     ),
     "Marking": (

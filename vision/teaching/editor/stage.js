@@ -7,6 +7,7 @@ const OVERLAYS = [
   ["edges", "Edges", "3", "Edges"],
   ["circles", "Circles", "4", "Taught circles"],
   ["guides", "Guides", "5", "Epipolar curves and the predicted ellipse"],
+  ["patterns", "Patterns", "6", "Slots and the like, learnt when the model is saved or tried"],
 ];
 
 export default {
@@ -59,7 +60,7 @@ export default {
   data() {
     return {
       overlays: OVERLAYS, number: this.start.view, tool: "points", zoom: "100 %", thumbs: [], place: "", unsent: 0,
-      show: { regions: false, groups: false, edges: false, circles: true, guides: true },
+      show: { regions: false, groups: false, edges: false, circles: true, guides: true, patterns: true },
       waiting: true, spaceHeld: false, dragging: false, over: "", hint: "", modelStatus: "",
     };
   },
@@ -75,7 +76,7 @@ export default {
   },
   created() {
     this.viewport = new Viewport();
-    this.state = { features: {}, views: this.pictures.map(() => ({ marks: {}, circles: {} })), feature: this.start.feature };
+    this.state = { features: {}, views: this.pictures.map(() => ({ marks: {}, circles: {}, patterns: {} })), feature: this.start.feature };
     this.hover = { point: -1, candidate: undefined };
     this.gesture = undefined;
     this.cursor = undefined;
@@ -124,7 +125,7 @@ export default {
       this.refresh();
       this.refreshThumbs();
     },
-    /** Keys are "features", "marks/VIEW/FEATURE" and "circles/VIEW/FEATURE"; null is gone. */
+    /** Keys are "features", "marks/VIEW/FEATURE", "circles/VIEW/FEATURE", "patterns/VIEW/PATTERN"; null is gone. */
     change(key, value) {
       const [what, view, feature] = key.split("/");
       if (what === "features") this.state.features = value;

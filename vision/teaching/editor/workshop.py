@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from vision.camera import View
 from vision.errors import InputError
 from vision.model_file import save_model
 from vision.teaching import events as ev
@@ -19,12 +18,12 @@ from vision.teaching.editor.autosave import Autosave
 from vision.teaching.editor.drawing_state import PALETTE
 from vision.teaching.editor.extraction import Extraction
 from vision.teaching.editor.findings import Finding, Inspector
-from vision.teaching.editor.services import Description, SceneOutcome, Services
+from vision.teaching.editor.services import Description, SceneOutcome, Services, run_trial
 from vision.teaching.editor.workers import Worker
 from vision.teaching.session import Session, build_model
 from vision.teaching.session_file import SESSION_FILE, load_session
 from vision.teaching.view_directory import load_part_name, load_views
-from vision.vision_model import VisionModel
+from vision.vision_model import Pattern, VisionModel
 
 Listener = Callable[[bool], None]
 
@@ -63,6 +62,7 @@ class Workshop:
         self.last_seen: tuple[int, str | None] = (0, None)
         self.thinking = Worker()
         self.extraction = Extraction(self.views)
+        self._built: tuple[Document, VisionModel] | None = None
         self._saved: Document | None = self.session.document if out.exists() else None
         self._began = time.monotonic() - max((e.time_s for e in self.session.events), default=0.0)
         self._known: set[str] = set()
@@ -155,6 +155,11 @@ class Workshop:
     def unsaved(self) -> bool:
         """Whether the model on the disk lacks something of the document."""
         return bool(self.document.features) and self.document != self._saved
+
+    @property
+    def patterns(self) -> tuple[Pattern, ...]:
+        """Those of the model that was built last; none once something else has been taught."""
+        return self._built[1].patterns if self._built and self._built[0] == self.document else ()
 
     @property
     def part_name(self) -> str:
@@ -250,8 +255,12 @@ class Workshop:
         Raises:
             InputError: something is missing, or marks do not make a circle.
         """
-        self.document.lesson()  # says at once what is missing
-        return await self.thinking.run(build_model, self.session, self.views)
+        document = self.document
+        document.lesson()  # says at once what is missing
+        model = await self.thinking.run(build_model, self.session, self.views)
+        self._built = (document, model)
+        self.tell()
+        return model
 
     async def save(self) -> None:
         """Write the model.
@@ -272,7 +281,7 @@ class Workshop:
     async def try_model(self, scenes: int, seed: int, on_scene: Callable[[SceneOutcome], None]) -> None:
         """Localise the part in fresh scenes with the model as taught."""
         model = await self.build()
-        await self.thinking.run(_try_model, self.services, model, self.views, scenes, seed, on_report=on_scene)
+        await self.thinking.run(run_trial, self.services, model, self.views, scenes, seed, on_report=on_scene)
 
     def close(self) -> None:
         """Store what is left and end the workers."""
@@ -280,14 +289,3 @@ class Workshop:
         self._autosave.close()
         self.extraction.close()
         self.thinking.close()
-
-
-def _try_model(
-    services: Services,
-    model: VisionModel,
-    views: Sequence[View],
-    scenes: int,
-    seed: int,
-    report: Callable[[SceneOutcome], None],
-) -> None:
-    services.try_model(model, views, scenes, seed, report)

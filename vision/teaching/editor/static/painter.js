@@ -4,6 +4,7 @@ const REGION = "#f2a541";
 const GROUP = "#59c3ff";
 const BAD = "#ff5d5d";
 const GUIDE = "#ffe066";
+const PATTERN = "#63e6be";
 const LOUPE_PX = 132;
 const LOUPE_ZOOM = 5;
 
@@ -26,6 +27,7 @@ function layer(context, scene, viewport, ratio) {
   backdrop(context, scene, scale);
   context.translate(0.5, 0.5);
   candidates(pen, scene);
+  if (scene.show.patterns) patterns(pen, scene);
   if (scene.show.circles) circles(pen, scene);
   if (scene.show.guides) guides(pen, scene);
   marks(pen, scene);
@@ -86,6 +88,16 @@ function circles(pen, scene) {
     if (!chosen) stroke(pen, circle.ellipse, "#000000", { alpha: 0.35, width: 2.6 });
     stroke(pen, circle.ellipse, colour, { alpha: chosen ? 1 : 0.75, width: chosen ? 1.6 : 1.2 });
     if (chosen && circle.label) label(pen, circle.ellipse, circle.label, circle.bad ? BAD : colour);
+  }
+}
+
+function patterns({ context, width }, scene) {
+  const side = width(2.6);
+  for (const points of Object.values(scene.view.patterns)) {
+    context.fillStyle = "rgba(8, 11, 16, 0.6)";
+    for (const [x, y] of points) context.fillRect(x - side, y - side, 2 * side, 2 * side);
+    context.fillStyle = PATTERN;
+    for (const [x, y] of points) context.fillRect(x - side / 2, y - side / 2, side, side);
   }
 }
 

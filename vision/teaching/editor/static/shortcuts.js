@@ -2,6 +2,7 @@
 
 const PLAIN = {
   1: "overlay:regions", 2: "overlay:groups", 3: "overlay:edges", 4: "overlay:circles", 5: "overlay:guides",
+  6: "overlay:patterns",
   p: "tool:points", v: "tool:pick", n: "feature:new", k: "feature:previous", j: "feature:next",
   "+": "zoom:in", "=": "zoom:in", "-": "zoom:out", 0: "zoom:fit",
   PageDown: "view:next", PageUp: "view:previous", "]": "view:next", "[": "view:previous",
