@@ -17,7 +17,7 @@ from vision.vision_model import CircleFeature, Pattern, VisionModel, turns_about
 Array = NDArray[np.float64]
 
 SAMPLE_SPACING_PX = 3.0
-PATTERN_SAMPLES = 40  # of one copy
+PATTERN_SAMPLES = 24  # of one copy
 RIM_SLACK = 0.03  # taught radii are not exact, rims are rounded
 COVER_MARGIN = 0.1  # of the part's radius, behind the surface of another part
 COVER_BLOCK_PX = 2  # what parts hide is known by blocks of pixels

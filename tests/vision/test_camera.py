@@ -31,3 +31,13 @@ def test_another_camera_has_other_maps():
 def test_a_view_without_distortion_is_left_alone():
     straight = view((0.0,) * 5, (90, 120))
     assert straight.undistorted() is straight
+
+
+@pytest.mark.parametrize("block_px", [1, 2, 3])
+def test_a_reduced_camera_sees_each_block_as_one_pixel(block_px):
+    camera = Camera(641, 480, 700.0, 710.0, 311.0, 250.5)
+    reduced = camera.reduced(block_px)
+    points = np.random.default_rng(0).uniform([-0.3, -0.3, 1], [0.3, 0.3, 2], (20, 3))
+    block = np.floor((camera.project(points) + 0.5) / block_px)
+    assert np.array_equal(np.round(reduced.project(points)), block)
+    assert (reduced.width_px, reduced.height_px) == (-(-641 // block_px), 480 // block_px)

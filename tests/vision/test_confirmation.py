@@ -100,6 +100,16 @@ def test_rotation_about_the_axis_is_found_from_any_start(start_deg, front, photo
     assert np.allclose(found[:3, 2:], front.as_matrix()[:3, 2:])
 
 
+@pytest.mark.parametrize("least", [1, 40, 97])
+def test_one_copy_looked_at_all_round_tells_what_all_copies_do(least, front, photograph, contour):
+    scene = edges_of(photograph([front]))
+    support = scene.inplane_support_all_round(front.as_matrix(), contour, 3, least)
+    n = 3 * len(support)
+    assert n >= least
+    angles = np.arange(len(support)) * 2 * np.pi / n
+    assert np.allclose(support, scene.inplane_support(front.as_matrix(), contour, angles), atol=1e-12)
+
+
 def test_rotation_stays_unknown_where_no_supporting_feature_is_seen(pose, photograph, contour):
     back = pose(4, -6, 1, about=(185, 6, 0))
     _, known = edges_of(photograph([back])).find_inplane(back.as_matrix(), contour, fold=3)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.spatial.transform import RigidTransform
 from vision.camera import Camera, View
 from vision.drawing import (
     PROCESS_COLOURS,
+    TICK_PX,
     Strokes,
     contact_sheet,
     distinct_colours,
@@ -148,6 +150,19 @@ def test_a_model_is_superimposed_where_it_faces_the_camera(facing: float, count:
     for line in strokes.lines:
         assert np.allclose(np.hypot(*(line - (59.5, 49.5)).T), 20.0)
         assert np.array_equal(line[0], line[-1])
+
+
+def test_a_pattern_is_drawn_in_ticks_along_its_edges() -> None:
+    camera = Camera(120, 100, 100.0, 100.0, 59.5, 49.5)
+    view = View(np.zeros((100, 120), np.uint8), camera, RigidTransform.identity())
+    T_world_part = RigidTransform.from_translation([0.0, 0.0, 2.0]).as_matrix()
+    contour = replace(circle_contour(0.4, -1.0), circle_salient=np.array([False]), circle_drawn=np.array([True]))
+    strokes = model_strokes(contour, T_world_part, view)
+    assert len(strokes) == len(contour.points)
+    for line, point in zip(strokes.lines, contour.points, strict=True):
+        assert np.linalg.norm(line[1] - line[0]) == pytest.approx(TICK_PX)
+        assert np.allclose(line.mean(axis=0), 50 * point[:2] + (59.5, 49.5))
+        assert abs((line[1] - line[0]) @ point[:2]) < 1e-9
 
 
 def test_colours_differ() -> None:

@@ -8,10 +8,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.candidates import Workspace
 from vision.circle_pose import project_circle
+from vision.development import Development
 from vision.evidence import EdgeField
 from vision.features import EllipseFeature
 from vision.matching import Matcher
 from vision.matching_parameters import MatchingParameters
+from vision.model_contour import ModelContour
 
 WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))
 
@@ -131,3 +133,20 @@ def test_the_same_images_give_the_same_poses(plate, scene, photograph):
     first, second = (matcher(plate, views).match(features) for _ in range(2))
     for a, b in zip(first, second, strict=True):
         assert np.array_equal(a.T_world_part.as_matrix(), b.T_world_part.as_matrix())
+
+
+@pytest.mark.parametrize("share", [-0.035, -0.012, 0.0, 0.023])
+def test_a_pose_that_fits_one_view_at_a_wrong_depth_is_moved_to_where_the_others_agree(
+    share, plate, photograph, pose
+):
+    truth = pose(4, -6, 1, about=(5, -8, 17))
+    views = photograph([truth])
+    of_plate = matcher(plate, views)
+    contour = ModelContour.of(plate, views[0].camera.fx / 0.5)
+    development = Development(of_plate.scene, of_plate.circles, contour, of_plate.parameters)
+    wrong = truth.as_matrix()
+    wrong[:3, 3] += share * (wrong[:3, 3] - views[0].T_world_camera.translation)
+    moved = RigidTransform.from_matrix(development.supported_by_others(wrong, 0, inplane=True))
+    distance, angle = errors(moved, truth, 3)
+    assert distance < 0.1
+    assert angle < 0.3

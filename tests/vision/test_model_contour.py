@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,10 +13,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from vision.camera import camera_arrays
 from vision.circle_pose import Circle, project_circle
 from vision.evidence import EdgeField
-from vision.model_contour import SAMPLE_SPACING_PX, ModelContour, passes_rims, tally_support
-from vision.vision_model import CircleFeature, VisionModel
+from vision.model_contour import PATTERN_SAMPLES, SAMPLE_SPACING_PX, ModelContour, passes_rims, tally_support
+from vision.vision_model import CircleFeature, Pattern, VisionModel, turns_about_axis
 
 SCALE = 4200.0
+SLOT_ANGLES = 0.4 + np.arange(3) * 2 * np.pi / 3
 
 
 @pytest.fixture(scope="module")
@@ -141,3 +144,35 @@ def test_a_flange_hides_behind_the_hat_and_a_rim_hides_nothing_on_its_own_side()
     near, far = np.array([0.1, 0.0, 0.0]), np.array([-0.1, 0.0, 0.0])
     assert passes_rims(*near, contour.rims[1], eye)
     assert not passes_rims(*far, contour.rims[1], eye)
+
+
+@pytest.fixture(scope="module")
+def slotted(plate):
+    """The plate with three radial edges on its front."""
+    along = np.linspace(0.016, 0.026, 90)
+    points = [[*(along[i] * np.array([np.cos(a), np.sin(a)])), 0.004] for a in SLOT_ANGLES for i in range(len(along))]
+    directions = [[np.cos(a), np.sin(a), 0.0] for a in SLOT_ANGLES for _ in along]
+    return replace(plate, patterns=(Pattern("slots", np.array([0.0, 0.0, 1.0]), points, directions),))
+
+
+def test_a_pattern_is_sampled_alike_in_every_sector(slotted):
+    contour = ModelContour.of(slotted, SCALE)
+    numbers = np.flatnonzero(contour.circle_drawn)
+    assert numbers.tolist() == [8, 9, 10]
+    assert contour.circle_copies[numbers].tolist() == [3, 0, 0]
+    of_file = slotted.patterns[0]
+    for turn, number in zip(turns_about_axis(3), numbers, strict=True):
+        mine = contour.circle == number
+        assert 0.5 * PATTERN_SAMPLES < mine.sum() <= PATTERN_SAMPLES
+        assert np.allclose(contour.points[mine], contour.points[contour.circle == 8] @ turn.T)
+        nearest = np.linalg.norm(contour.points[mine][:, None] - of_file.points, axis=2)
+        assert nearest.min(axis=1).max() < 1e-9
+        assert np.allclose(
+            np.abs(of_file.directions[nearest.argmin(axis=1)] @ contour.tangents[mine].T).max(axis=0), 1
+        )
+
+
+def test_the_first_copies_stand_for_all(slotted):
+    contour = ModelContour.of(slotted, SCALE)
+    assert set(contour.first_copies().circle) == {5, 8}
+    assert set(contour.asymmetric().circle) == {5, 6, 7, 8, 9, 10}
