@@ -223,6 +223,24 @@ def test_two_views_are_too_few():
     assert learn([SLOTS], poses=POSES[:2]) == ()
 
 
+def test_views_that_graze_the_face_do_not_count():
+    assert learn([SLOTS], poses=(*POSES[:2], look(75, 100), look(75, 200))) == ()
+
+
+def test_nothing_comes_of_blank_pictures_or_of_no_features():
+    blank = [View(np.full((480, 640), 90, np.uint8), CAMERA, pose) for pose in POSES]
+    assert learn_patterns(blank, FEATURES, DIAMETER_M, 3) == ()
+    assert learn_patterns(blank, (), DIAMETER_M, 3) == ()
+    one_that_shows = [*blank[:4], *photograph([*RING, SLOTS], POSES[4:])]
+    assert learn_patterns(one_that_shows, FEATURES, DIAMETER_M, 3) == ()
+
+
+def test_a_circle_far_from_the_part_does_no_harm(pattern):
+    astray = circle("astray", "supporting", 3.0, 0.002, x=0.02)
+    (found,) = learn([SLOTS], features=(*FEATURES, astray))
+    assert_on_slots(found.points, THREE)
+
+
 def test_the_back_of_a_part_shows_its_own_pattern():
     over = RigidTransform.from_rotation(Rotation.from_euler("x", np.pi))
     views = [View(v.image, v.camera, over * v.T_world_camera, v.name) for v in photograph([*RING, SLOTS])]

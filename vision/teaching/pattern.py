@@ -9,7 +9,7 @@ heights are searched through, and hardly anything agrees anywhere else.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FEWEST_VIEWS = 3
+LEAST_FACING_COSINE = 0.35  # views that graze a face tell little of it
 AGREEING_SHARE = 0.6
 """Of the views of all copies, more than this share has to show an edge: two thirds do, three of five views do not."""
 
@@ -92,11 +93,11 @@ def learn_patterns(
     Returns:
         Those of the front, then those of the back, the outermost first.
     """
-    if fold is None:
+    if fold is None or not features:
         return ()
     patterns: list[Pattern] = []
     for face, side in (("front", 1.0), ("back", -1.0)):
-        seen = [view for view in views if side * view.T_world_camera.translation[2] > 0]
+        seen = [view for view in views if _looks_at(view, side)]
         if len(seen) >= FEWEST_VIEWS:
             drawn = _Face(seen, features, diameter_m, fold).planes()
             for number, (points, directions) in enumerate(sorted(drawn, key=lambda p: -side * p[0][0, 2]), start=1):
@@ -117,8 +118,9 @@ class _Face:
         circles = [circle for feature in features for circle in feature.circles()]
         self._reach_m = max(float(np.hypot(*c.centre[:2])) + c.radius_m for c in circles)
         self._holes = [c for feature in features if feature.role == "supporting" for c in feature.circles()]
-        heights = [float(c.centre[2]) for c in circles]
-        self._lowest, self._highest = min(heights), max(heights)
+        # A circle that was triangulated from poor marks may lie anywhere.
+        heights = np.clip([c.centre[2] for c in circles], -diameter_m, diameter_m)
+        self._lowest, self._highest = float(heights.min()), float(heights.max())
 
     def planes(self) -> list[tuple[Array, Array]]:
         """Points (N, 3) and directions (N, 3) of every plane that carries edges."""
@@ -187,39 +189,56 @@ class _Face:
 
     def _agreement(self, edges: Sequence[_PlaneEdges], candidates: _PlaneEdges) -> _Agreement:
         """Look for an edge of every view where each candidate is, and where its copies are."""
-        count, total = np.zeros(len(candidates.points)), np.zeros(len(candidates.points))
-        direction = np.zeros((len(count), 2))
-        moments = np.zeros((3, len(count)))  # sums of slope, slope squared, slope times offset
-        trees = [cKDTree(self._features(e.points, e.directions)) if len(e.points) else None for e in edges]
+        number = len(candidates.points)
+        count, offsets, direction = np.zeros(number), np.zeros(number), np.zeros((number, 2))
+        slopes, squares, products = np.zeros((3, number))
+        for agrees, offset, slope, seen in self._sightings(edges, candidates):
+            count += agrees
+            offsets += offset
+            direction += seen
+            slopes += slope
+            squares += slope**2
+            products += slope * offset
+        share = count / (len(edges) * len(self._turns))
+        n, kept = np.maximum(count, 1), share > AGREEING_SHARE
+        # When the plane rises, what a view shows moves by its slope. One rise is to bring together what is shown of
+        # each point: a regression in which every point has a constant of its own.
+        spread = float((squares - slopes**2 / n)[kept].sum())
+        rise = -float((products - slopes * offsets / n)[kept].sum()) / spread if spread > 0 else 0.0
+        direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
+        return _Agreement(share, offsets / n, direction, rise)
+
+    def _sightings(
+        self, edges: Sequence[_PlaneEdges], candidates: _PlaneEdges
+    ) -> Iterator[tuple[Mask, Array, Array, Array]]:
+        """What each view shows at each copy of the candidates.
+
+        Yields:
+            Where it shows them (P,), and there, else 0, the offset along the normal (P,), by how much that grows when
+            the plane rises (P,), and the direction in which the edge runs (P, 2), carried back from the copy.
+        """
+        shown = [(seen, cKDTree(self._features(seen.points, seen.directions))) for seen in edges if len(seen.points)]
         for turn in self._turns:
             points, directions = candidates.points @ turn.T, candidates.directions @ turn.T
-            normals = _normals(directions)
-            sought = self._features(points, directions)
-            for tree, seen in zip(trees, edges, strict=True):
-                if tree is None:
-                    continue
+            normals, sought = _normals(directions), self._features(points, directions)
+            for seen, tree in shown:
                 distance, nearest = tree.query(sought, distance_upper_bound=ALONG_PX)
                 nearest[~np.isfinite(distance)] = 0
                 offset = np.einsum("ij,ij->i", seen.points[nearest] - points, normals)
-                agrees = np.isfinite(distance) & (np.abs(offset) < ACROSS_PX * self._pixel_m)
                 slope = np.einsum("ij,ij->i", seen.slopes[nearest], normals)
-                count += agrees
-                total += np.where(agrees, offset, 0)
-                direction += np.where(agrees[:, None], seen.directions[nearest] @ turn, 0)
-                moments += np.where(agrees, [slope, slope**2, slope * offset], 0)
-        share = count / (len(edges) * len(self._turns))
-        kept = share > AGREEING_SHARE
-        n = np.maximum(count, 1)
-        # Of every point a straight line through (slope, offset): all have one gradient, the rise.
-        spread = (moments[1] - moments[0] ** 2 / n)[kept].sum()
-        together = (moments[2] - moments[0] * total / n)[kept].sum()
-        rise = -float(together / spread) if spread > 0 else 0.0
-        direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
-        return _Agreement(share, total / n, direction, rise)
+                agrees = np.isfinite(distance) & (np.abs(offset) < ACROSS_PX * self._pixel_m)
+                direction = np.where(agrees[:, None], seen.directions[nearest] @ turn, 0)
+                yield agrees, np.where(agrees, offset, 0), np.where(agrees, slope, 0), direction
 
     def _features(self, points: Array, directions: Array) -> Array:
         """(N, 4) position in pixels, and direction so that the limits of both are at the same distance."""
         return np.hstack([points / self._pixel_m, directions * (ALONG_PX / DIRECTION_RAD)])
+
+
+def _looks_at(view: View, side: float) -> bool:
+    """Whether a view shows the front (side 1) or the back (side -1), and not at a grazing angle."""
+    eye = view.T_world_camera.translation
+    return bool(side * eye[2] > LEAST_FACING_COSINE * np.linalg.norm(eye))
 
 
 def _put_back(view: View, edges: EdgeMap, height: float) -> _PlaneEdges:
