@@ -14,12 +14,12 @@ from vision.camera import View
 Array = NDArray[np.float64]
 
 # Systematic errors of edges, measured on rendered scenes (those that were tuned on, not those that are reported):
-SHIFT_SIGMA_PX = 0.03  # of all edges of one picture together
-SWELL_SIGMA_PX = 0.07  # of the radius of one rim in one picture
-RIM_SHIFT_SIGMA_PX = 0.10  # of one rim or hole in one picture
-LIFT_SIGMA_PX = 0.08  # of the taught height of one rim
-TWIST_SIGMA_PX = 0.04  # of all holes of one picture about the part's axis
-COMMON_SIGMA_PX = 0.05  # of all edges of all pictures together
+SHIFT_SIGMA_PX = 0.025  # of all edges of one picture together
+SWELL_SIGMA_PX = 0.055  # of the radius of one rim in one picture
+RIM_SHIFT_SIGMA_PX = 0.075  # of one rim or hole in one picture
+LIFT_SIGMA_PX = 0.035  # of the taught height of one rim
+TWIST_SIGMA_PX = 0.025  # of all holes of one picture about the part's axis
+COMMON_SIGMA_PX = 0.04  # of all edges of all pictures together
 
 
 @dataclass(frozen=True, eq=False)
