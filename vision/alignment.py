@@ -9,13 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from vision.evidence import LOOSEST_ALIGNMENT
 from vision.model_contour import COVER_BLOCK_PX, COVER_MARGIN, GRAZING_COSINE, eye_of, moved, passes_rims, rotated
 
 ROBUST_SCALE = 3.0
 NOISE_FLOOR_PX = 0.1
 AXIS_SPRING = 1e6  # relative: holds the rotation about the part's axis, which coaxial circles cannot tell
 FEWEST_POINTS = 12
-LOOSEST_ALIGNMENT = np.cos(np.radians(35.0))
 
 
 @njit(cache=True)

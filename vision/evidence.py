@@ -14,6 +14,7 @@ Image = NDArray[np.float32]
 
 SMOOTHING_PX = 1.0
 CANNY_LOW, CANNY_HIGH = 8.0, 18.0  # 3x3 Sobel units of the smoothed image; its noise at grey sigma 2 is about 2
+LOOSEST_ALIGNMENT, FULL_ALIGNMENT = np.cos(np.radians([35.0, 15.0])).tolist()  # of gradient and contour normal
 
 _STEP_PX = 0.5
 """Between the samples of a profile across the contour."""
@@ -69,8 +70,7 @@ class EdgeField:
         columns, rows = np.where(inside, x, 0).astype(np.intp), np.where(inside, y, 0).astype(np.intp)
         near = np.clip((reach_px - self.distance[rows, columns]) / (reach_px - 1.0), 0, 1)
         alignment = np.abs(np.einsum("ij,ij->i", self.direction[rows, columns], normals))
-        limit = np.cos(np.radians(35))
-        aligned = np.clip((alignment - limit) / (np.cos(np.radians(15)) - limit), 0, 1)
+        aligned = np.clip((alignment - LOOSEST_ALIGNMENT) / (FULL_ALIGNMENT - LOOSEST_ALIGNMENT), 0, 1)
         return np.where(inside, near * aligned, 0.0)
 
     def slope(self, points: Array, normals: Array) -> Array:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from vision.camera import View
 from vision.circle_pose import Circle, plane_axes
+from vision.evidence import FULL_ALIGNMENT, LOOSEST_ALIGNMENT
 from vision.vision_model import CircleFeature, Pattern, VisionModel, turns_about_axis
 
 Array = NDArray[np.float64]
@@ -286,7 +287,6 @@ def tally_support(  # type: ignore[no-untyped-def]
     distance, direction, claimed, cover = edges
     height, width = claimed.shape[1:]
     margin = COVER_MARGIN * np.abs(points).max()
-    loosest, tightest = np.cos(np.radians(35.0)), np.cos(np.radians(15.0))
     for pose in range(len(poses)):
         for view in range(len(claimed)):
             T = cameras[0][view] @ poses[pose]
@@ -323,7 +323,7 @@ def tally_support(  # type: ignore[no-untyped-def]
                 du, dv = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
                 length = np.sqrt(du * du + dv * dv)
                 aligned = abs(direction[view, v, u, 0] * dv - direction[view, v, u, 1] * du) / max(length, 1e-12)
-                share = (aligned - loosest) / (tightest - loosest)
+                share = (aligned - LOOSEST_ALIGNMENT) / (FULL_ALIGNMENT - LOOSEST_ALIGNMENT)
                 total[pose, view, c] += min(near, 1.0) * min(max(share, 0.0), 1.0)
 
 
