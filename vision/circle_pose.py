@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform
 from vision.camera import Camera, View
 from vision.ellipse import Ellipse
 from vision.errors import InputError
+from vision.vectors import cross
 
 Array = NDArray[np.float64]
 
@@ -61,9 +62,9 @@ def plane_axes(normal: ArrayLike) -> tuple[Array, Array]:
     """Unit vectors u, v (..., 3) that span the planes of normals (..., 3), with u x v = normal."""
     n = np.asarray(normal, dtype=float)
     helper = np.where(np.abs(n[..., :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
-    u = np.cross(helper, n)
+    u = cross(helper, n)
     u /= np.linalg.norm(u, axis=-1, keepdims=True)
-    return u, np.cross(n, u)
+    return u, cross(n, u)
 
 
 def circle_conics(centres: Array, normals: Array, radii: Array, K: Array) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.camera import View
+from vision.vectors import cross
 
 Array = NDArray[np.float64]
 
@@ -139,6 +140,9 @@ def _linearise(T: Array, seen: Observations, cameras: list[tuple[Array, Array]])
             [n[:, 0] * K[0, 0], n[:, 1] * K[1, 1], -(n[:, 0] * K[0, 0] * x + n[:, 1] * K[1, 1] * y) / z]
         )
         row = row / z[:, None] @ R
+        projected = np.column_stack([K[0, 0] * x / z + K[0, 2], K[1, 1] * y / z + K[1, 2]])
+        J[mine, :3] = row
+        J[mine, 3:] = cross(arm[mine], row)
         projected = np.column_stack([K[0, 0] * x / z + K[0, 2], K[1, 1] * y / z + K[1, 2]])
         J[mine, :3] = row
         (ax, ay, az), (rx, ry, rz) = arm[mine].T, row.T
