@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.algebraic_fit import norm2, normal_equations5, solve5
 from vision.edges import EdgeMap
-from vision.hypotheses import norm2, solve5
 
 Array = NDArray[np.float64]
 
@@ -139,27 +139,36 @@ def drop_short_runs(hits, steps, min_run):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _weighted_rows(p, points, hits, steps, rows):  # type: ignore[no-untyped-def]
+    """Write a column of ``rows`` (6, N) for every supporting point, and return how many.
+
+    It holds the derivatives of the distance by p, and the distance taken negative, both weighted.
+    """
+    n = 0
+    for k in range(steps):
+        j = hits[k]
+        if j < 0 or (k > 0 and hits[k - 1] == j):
+            continue
+        ax, ay, bx, by = points[j, 0] - p[0], points[j, 1] - p[1], points[j, 0] - p[2], points[j, 1] - p[3]
+        s1, s2 = max(norm2(ax, ay), 1e-9), max(norm2(bx, by), 1e-9)
+        ax, ay, bx, by = ax / s1, ay / s1, bx / s2, by / s2
+        slope = max(norm2(ax + bx, ay + by), 1e-3)
+        distance = (s1 + s2 - p[4]) / slope
+        weight = 1 / np.sqrt(1 + distance * distance)
+        each = -weight / slope
+        rows[0, n], rows[1, n], rows[2, n], rows[3, n] = each * ax, each * ay, each * bx, each * by
+        rows[4, n], rows[5, n] = each, -weight * distance
+        n += 1
+    return n
+
+
+@njit(cache=True)
 def refine(p, edges, hits, steps, iterations):  # type: ignore[no-untyped-def]
     """Damped Gauss-Newton steps on the distances of the supporting points, outliers weighed down; in place."""
-    points = edges.points
-    matrix, right, row = np.zeros((5, 5)), np.zeros(5), np.zeros(5)
+    matrix, right, rows = np.zeros((5, 5)), np.zeros(5), np.empty((6, steps))
     for _ in range(iterations):
-        matrix[:], right[:] = 0.0, 0.0
-        for k in range(steps):
-            j = hits[k]
-            if j < 0 or (k > 0 and hits[k - 1] == j):
-                continue
-            ax, ay, bx, by = points[j, 0] - p[0], points[j, 1] - p[1], points[j, 0] - p[2], points[j, 1] - p[3]
-            s1, s2 = max(norm2(ax, ay), 1e-9), max(norm2(bx, by), 1e-9)
-            slope = max(norm2(ax / s1 + bx / s2, ay / s1 + by / s2), 1e-3)
-            distance = (s1 + s2 - p[4]) / slope
-            weight = 1 / (1 + distance * distance)
-            row[0], row[1], row[2], row[3] = -ax / s1 / slope, -ay / s1 / slope, -bx / s2 / slope, -by / s2 / slope
-            row[4] = -1 / slope
-            for i in range(5):
-                right[i] -= weight * row[i] * distance
-                for q in range(i + 1):
-                    matrix[i, q] += weight * row[i] * row[q]
+        n = _weighted_rows(p, edges.points, hits, steps, rows)
+        normal_equations5(rows, n, matrix, right)
         for i in range(5):
             matrix[i, i] += 1e-3 * matrix[i, i] + 1e-9
         if not solve5(matrix, right):

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.algebraic_fit import signed_distance
 from vision.ellipse_score import COVERAGE, ERROR, QUALITIES, SCORE, VISIBLE, assess
 from vision.ellipse_support import (
     MAX_STEPS,
@@ -21,7 +22,7 @@ from vision.ellipse_support import (
     refine,
     supported_share,
 )
-from vision.hypotheses import MIN_SEMI_MINOR_PX, Representatives, signed_distance
+from vision.hypotheses import MIN_SEMI_MINOR_PX, Representatives
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,7 @@ Limits = tuple[float, float, float, float, float, float, float]
 
 MIN_VISIBLE = 0.35  # of the circumference inside the image
 GLANCE_STEPS, REFINE_STEPS = 24, 64
+UNKNOWN = -1
 MAX_ATTEMPTS = 120  # of refining a hypothesis; bounds the time that clutter costs
 
 
@@ -42,6 +44,25 @@ def _explains(p, points, tolerance):  # type: ignore[no-untyped-def]
             if misses > 3:
                 return False
     return True
+
+
+@njit(cache=True)
+def _is_explained(group, ps, count, rep_points, tolerance, explained):  # type: ignore[no-untyped-def]
+    """Whether one of the first ``count`` ellipses explains all fragments of a group.
+
+    ``explained`` (S, F) remembers what is asked: 1 for yes, 0 for no.
+    """
+    for s in range(count):
+        every = True
+        for f in group:
+            if f < 0:
+                continue
+            if explained[s, f] == UNKNOWN:
+                explained[s, f] = _explains(ps[s], rep_points[f], tolerance)
+            every = every and explained[s, f] == 1
+        if every:
+            return True
+    return False
 
 
 @njit(cache=True)
@@ -71,18 +92,12 @@ def search(  # type: ignore[no-untyped-def]
     for h in range(n):
         steps = gather(ps[h], edges, used, tolerance + 1.5, agreement - 0.05, GLANCE_STEPS, hits)
         first[h] = supported_share(hits, steps)
-    explained = np.zeros((len(out_ps), fragments), np.bool_)
+    explained = np.full((len(out_ps), fragments), UNKNOWN, np.int8)
     found, attempts = 0, 0
     for h in np.argsort(-first):
         if found == len(out_ps) or first[h] < min_coverage or attempts == MAX_ATTEMPTS:
             break
-        i, j = groups[h, 0], groups[h, 1]
-        known = False
-        for s in range(found):
-            if explained[s, i] and (j < 0 or explained[s, j]):
-                known = True
-                break
-        if known:
+        if _is_explained(groups[h], out_ps, found, rep_points, tolerance, explained):
             continue
         p = out_ps[found]
         p[:] = ps[h]
@@ -99,8 +114,6 @@ def search(  # type: ignore[no-untyped-def]
         if quality[SCORE] < 0.3 * min_score:
             continue
         out_quality[found] = quality
-        for f in range(fragments):
-            explained[found, f] = _explains(p, rep_points[f], tolerance)
         found += 1
     return found
 
