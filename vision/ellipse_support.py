@@ -97,6 +97,12 @@ def gather(p, edges, used, tolerance, agreement, max_steps, hits):  # type: igno
 
 
 @njit(cache=True)
+def _wrapped(k, steps):  # type: ignore[no-untyped-def]
+    """The number k modulo steps, for k below 2 steps, without the division."""
+    return k - steps if k >= steps else k
+
+
+@njit(cache=True)
 def _bridge(hits, steps, chain, used, reach):  # type: ignore[no-untyped-def]
     """Fill holes of one or two steps between points of one chain that are at most ``reach`` points a step apart.
 
@@ -105,16 +111,16 @@ def _bridge(hits, steps, chain, used, reach):  # type: ignore[no-untyped-def]
     """
     for k in range(steps):
         first = hits[k]
-        if first < 0 or hits[(k + 1) % steps] != NOTHING:
+        if first < 0 or hits[_wrapped(k + 1, steps)] != NOTHING:
             continue
-        gap = 2 if hits[(k + 2) % steps] != NOTHING else 3
-        last = hits[(k + gap) % steps]
+        gap = 2 if hits[_wrapped(k + 2, steps)] != NOTHING else 3
+        last = hits[_wrapped(k + gap, steps)]
         if last < 0 or chain[first] != chain[last] or abs(last - first) > gap * reach:
             continue
         for q in range(1, gap):
             between = first + (last - first) * q // gap
             if not used[between]:
-                hits[(k + q) % steps] = between
+                hits[_wrapped(k + q, steps)] = between
 
 
 @njit(cache=True)
@@ -127,14 +133,16 @@ def drop_short_runs(hits, steps, min_run):  # type: ignore[no-untyped-def]
         return
     run, run_start = 0, 0
     for offset in range(1, steps + 1):
-        k = (start + offset) % steps
+        k = _wrapped(start + offset, steps)
         if hits[k] >= 0:
             run_start = offset if run == 0 else run_start
             run += 1
-        elif run > 0 and (offset == steps or hits[(k + 1) % steps] < 0):
-            for q in range(run_start, offset):
-                if run < min_run and hits[(start + q) % steps] >= 0:
-                    hits[(start + q) % steps] = NOTHING
+        elif run > 0 and (offset == steps or hits[_wrapped(k + 1, steps)] < 0):
+            if run < min_run:
+                for q in range(run_start, offset):
+                    at = _wrapped(start + q, steps)
+                    if hits[at] >= 0:
+                        hits[at] = NOTHING
             run = 0
 
 

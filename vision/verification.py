@@ -31,7 +31,6 @@ Limits = tuple[float, float, float, float, float, float, float]
 MIN_VISIBLE = 0.35  # of the circumference inside the image
 GLANCE_STEPS, REFINE_STEPS = 24, 64
 UNKNOWN = -1
-MAX_ATTEMPTS = 120  # of refining a hypothesis; bounds the time that clutter costs
 
 
 @njit(cache=True)
@@ -77,7 +76,7 @@ def _settle(p, edges, used, tolerance, agreement, min_share, hits):  # type: ign
 
 @njit(cache=True)
 def search(  # type: ignore[no-untyped-def]
-    ps, groups, edges, rep_points, limits, out_ps, out_quality
+    ps, groups, edges, rep_points, limits, max_attempts, out_ps, out_quality
 ):
     """Refine and verify hypotheses, best first; write the survivors and return their number.
 
@@ -95,7 +94,7 @@ def search(  # type: ignore[no-untyped-def]
     explained = np.full((len(out_ps), fragments), UNKNOWN, np.int8)
     found, attempts = 0, 0
     for h in np.argsort(-first):
-        if found == len(out_ps) or first[h] < min_coverage or attempts == MAX_ATTEMPTS:
+        if first[h] < min_coverage or attempts == max_attempts:
             break
         if _is_explained(groups[h], out_ps, found, rep_points, tolerance, explained):
             continue
@@ -146,7 +145,7 @@ def verify_hypotheses(
     edges: EdgeField,
     points: Representatives,
     limits: Limits,
-    most: int = 300,
+    max_attempts: int,
 ) -> tuple[Array, Array]:
     """Refine and verify hypotheses.
 
@@ -157,13 +156,13 @@ def verify_hypotheses(
         points: representatives of all fragments.
         limits: tolerance in pixels, least cosine between gradient and normal, least score, least coverage,
             largest error in pixels, smallest and largest semi-major axis in pixels.
-        most: largest number of survivors.
+        max_attempts: only so many of the most promising hypotheses are refined, which bounds the time in clutter.
 
     Returns:
         (S, 5) refined focal parameters and (S, 11) quality (columns: see ``ellipse_score.py``).
     """
-    out_ps, out_quality = np.zeros((most, 5)), np.zeros((most, QUALITIES))
-    found = search(ps, groups, edges, points.points, limits, out_ps, out_quality)
+    out_ps, out_quality = np.zeros((max_attempts + 1, 5)), np.zeros((max_attempts + 1, QUALITIES))
+    found = search(ps, groups, edges, points.points, limits, max_attempts, out_ps, out_quality)
     return out_ps[:found], out_quality[:found]
 
 
