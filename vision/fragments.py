@@ -159,12 +159,17 @@ def extract_fragments(
 
 
 @njit(cache=True)
-def _polygon(points, first, last, tolerance, keep):  # type: ignore[no-untyped-def]
-    """Mark the vertices of a polygon within tolerance of points[first:last + 1] (Ramer, Douglas, Peucker)."""
-    stack = [(first, last)]
+def _polygon(points, first, last, tolerance, keep, stack):  # type: ignore[no-untyped-def]
+    """Mark the vertices of a polygon within tolerance of points[first:last + 1] (Ramer, Douglas, Peucker).
+
+    ``stack`` (N, 2) is scratch.
+    """
+    stack[0] = first, last
     keep[first] = keep[last] = True
-    while len(stack) > 0:
-        a, b = stack.pop()
+    waiting = 1
+    while waiting > 0:
+        waiting -= 1
+        a, b = stack[waiting]
         cx, cy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
         chord = np.sqrt(cx * cx + cy * cy)
         # In a loop the line through the two ends says nothing; the distance from one of them does.
@@ -177,18 +182,18 @@ def _polygon(points, first, last, tolerance, keep):  # type: ignore[no-untyped-d
                 worst, at = distance, k
         if at >= 0:
             keep[at] = True
-            stack.append((a, at))
-            stack.append((at, b))
+            stack[waiting], stack[waiting + 1] = (a, at), (at, b)
+            waiting += 2
 
 
 @njit(cache=True)
 def _divide(points, offsets, tolerance, corner_factor):  # type: ignore[no-untyped-def]
     """First and one-past-last point, and sense of turning (+1: from x towards y), of the parts of all chains."""
-    keep = np.zeros(len(points), np.bool_)
+    keep, stack = np.zeros(len(points), np.bool_), np.empty((len(points) + 1, 2), np.int64)
     starts, stops, senses = [0], [0], [0]
     for c in range(len(offsets) - 1):
         first, last = offsets[c], offsets[c + 1] - 1
-        _polygon(points, first, last, tolerance, keep)
+        _polygon(points, first, last, tolerance, keep, stack)
         begin, sense, previous = first, 0, first
         px, py, p_length = 0.0, 0.0, 0.0
         vertex = first
