@@ -15,8 +15,9 @@ from vision.algebraic_fit import norm2
 
 Numbers = NDArray[np.int64]
 
-# Cosines between two gradients: of neighbours, of neighbours to stop looking for a better one, and across a gap.
-_MIN_AGREEMENT, _GOOD_AGREEMENT, _MIN_AGREEMENT_ACROSS = 0.5, 0.85, 0.85
+# Cosines between two gradients: of neighbours, of neighbours that need no comparison with others, and across a gap.
+_MIN_AGREEMENT, _SAME_DIRECTION, _MIN_AGREEMENT_ACROSS = 0.5, 0.97, 0.85
+_MIN_AHEAD = 0.2  # cosine between the tangent and the step to a neighbour
 _MAX_TANGENT_ASIDE = 0.62  # tangent of the angle whose cosine is the least one across a gap
 _MIN_LENGTH_ACROSS = 4  # only what has some length may reach across a gap; specks of texture may not
 _MIN_CLOSED = 16  # points of a closed chain
@@ -73,14 +74,15 @@ _AHEAD_DX, _AHEAD_DY = _steps_ahead()
 
 @njit(cache=True)
 def _next_neighbour(free, gx, gy, at, sign, stride):  # type: ignore[no-untyped-def]
-    """Step (dx, dy) to the free one among the 8 neighbours that continues the walk, or (0, 0).
+    """Step (dx, dy) to the free one among the 8 neighbours that continues the walk best, or (0, 0).
 
-    The first one from straight ahead to the sides that has much the same gradient; else the first that has roughly.
+    From straight ahead to the sides the first one that has the same gradient; else the one whose cosines between step
+    and tangent, and between the gradients, have the largest sum.
     """
     g0x, g0y = float(gx[at]), float(gy[at])
     square0 = g0x * g0x + g0y * g0y
     sector = _sector(-sign * g0y, sign * g0x)
-    bx, by = 0, 0
+    best, bx, by = 0.0, 0, 0
     for k in range(_AHEAD_DX.shape[1]):
         dx, dy = _AHEAD_DX[sector, k], _AHEAD_DY[sector, k]
         to = at + dy * stride + dx
@@ -90,10 +92,12 @@ def _next_neighbour(free, gx, gy, at, sign, stride):  # type: ignore[no-untyped-
         agreement, squares = hx * g0x + hy * g0y, square0 * (hx * hx + hy * hy)
         if agreement <= 0 or agreement * agreement < _MIN_AGREEMENT**2 * squares:
             continue
-        if agreement * agreement >= _GOOD_AGREEMENT**2 * squares:
+        if best == 0.0 and agreement * agreement >= _SAME_DIRECTION**2 * squares:
             return dx, dy
-        if bx == 0 and by == 0:
-            bx, by = dx, dy
+        ahead = sign * (g0x * dy - g0y * dx) / np.sqrt((dx * dx + dy * dy) * max(square0, 1.0))
+        merit = ahead + agreement / np.sqrt(squares)
+        if ahead >= _MIN_AHEAD and merit > best:
+            best, bx, by = merit, dx, dy
     return bx, by
 
 

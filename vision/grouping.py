@@ -27,7 +27,7 @@ _MAX_PX = 1600  # longer side; larger images are looked at with half the resolut
 _MIN_COARSE_PX = 64
 _MIN_COARSE_SEMI_MAJOR_PX = 5.0
 _MIN_COARSE_SCORE = 0.3
-_MAX_COARSE_HYPOTHESES, _MAX_COARSE_ATTEMPTS = 200, 40  # little is left to be found there
+_MAX_COARSE_HYPOTHESES, _MAX_COARSE_ATTEMPTS = 400, 80  # less is left to be found there
 _COARSE_OVERLAP = 0.75  # half the resolution does not tell the two edges of a rim apart
 
 
