@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from vision.algebraic_fit import signed_distance
 from vision.ellipse_support import axes
-from vision.hypotheses import signed_distance
 
 _SAMPLES, _APART_SAMPLES = 64, 16
 

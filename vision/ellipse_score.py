@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from vision.algebraic_fit import norm2, signed_distance
 from vision.ellipse_support import OUTSIDE, axes
-from vision.hypotheses import norm2, signed_distance
 
 # Columns of the quality of a hypothesis.
 COVERAGE, ERROR, DIRECTION, VISIBLE, CHAIN, CLUTTER, SUPPORT, MINOR, PIECES, TURN, SCORE = range(11)

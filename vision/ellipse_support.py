@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.algebraic_fit import norm2, normal_equations5, solve5
 from vision.edges import EdgeMap
-from vision.hypotheses import norm2, solve5
 
 Array = NDArray[np.float64]
 
@@ -97,6 +97,12 @@ def gather(p, edges, used, tolerance, agreement, max_steps, hits):  # type: igno
 
 
 @njit(cache=True)
+def _wrapped(k, steps):  # type: ignore[no-untyped-def]
+    """The number k modulo steps, for k below 2 steps, without the division."""
+    return k - steps if k >= steps else k
+
+
+@njit(cache=True)
 def _bridge(hits, steps, chain, used, reach):  # type: ignore[no-untyped-def]
     """Fill holes of one or two steps between points of one chain that are at most ``reach`` points a step apart.
 
@@ -105,16 +111,16 @@ def _bridge(hits, steps, chain, used, reach):  # type: ignore[no-untyped-def]
     """
     for k in range(steps):
         first = hits[k]
-        if first < 0 or hits[(k + 1) % steps] != NOTHING:
+        if first < 0 or hits[_wrapped(k + 1, steps)] != NOTHING:
             continue
-        gap = 2 if hits[(k + 2) % steps] != NOTHING else 3
-        last = hits[(k + gap) % steps]
+        gap = 2 if hits[_wrapped(k + 2, steps)] != NOTHING else 3
+        last = hits[_wrapped(k + gap, steps)]
         if last < 0 or chain[first] != chain[last] or abs(last - first) > gap * reach:
             continue
         for q in range(1, gap):
             between = first + (last - first) * q // gap
             if not used[between]:
-                hits[(k + q) % steps] = between
+                hits[_wrapped(k + q, steps)] = between
 
 
 @njit(cache=True)
@@ -127,39 +133,50 @@ def drop_short_runs(hits, steps, min_run):  # type: ignore[no-untyped-def]
         return
     run, run_start = 0, 0
     for offset in range(1, steps + 1):
-        k = (start + offset) % steps
+        k = _wrapped(start + offset, steps)
         if hits[k] >= 0:
             run_start = offset if run == 0 else run_start
             run += 1
-        elif run > 0 and (offset == steps or hits[(k + 1) % steps] < 0):
-            for q in range(run_start, offset):
-                if run < min_run and hits[(start + q) % steps] >= 0:
-                    hits[(start + q) % steps] = NOTHING
+        elif run > 0 and (offset == steps or hits[_wrapped(k + 1, steps)] < 0):
+            if run < min_run:
+                for q in range(run_start, offset):
+                    at = _wrapped(start + q, steps)
+                    if hits[at] >= 0:
+                        hits[at] = NOTHING
             run = 0
+
+
+@njit(cache=True)
+def _weighted_rows(p, points, hits, steps, rows):  # type: ignore[no-untyped-def]
+    """Write a column of ``rows`` (6, N) for every supporting point, and return how many.
+
+    It holds the derivatives of the distance by p, and the distance taken negative, both weighted.
+    """
+    n = 0
+    for k in range(steps):
+        j = hits[k]
+        if j < 0 or (k > 0 and hits[k - 1] == j):
+            continue
+        ax, ay, bx, by = points[j, 0] - p[0], points[j, 1] - p[1], points[j, 0] - p[2], points[j, 1] - p[3]
+        s1, s2 = max(norm2(ax, ay), 1e-9), max(norm2(bx, by), 1e-9)
+        ax, ay, bx, by = ax / s1, ay / s1, bx / s2, by / s2
+        slope = max(norm2(ax + bx, ay + by), 1e-3)
+        distance = (s1 + s2 - p[4]) / slope
+        weight = 1 / np.sqrt(1 + distance * distance)
+        each = -weight / slope
+        rows[0, n], rows[1, n], rows[2, n], rows[3, n] = each * ax, each * ay, each * bx, each * by
+        rows[4, n], rows[5, n] = each, -weight * distance
+        n += 1
+    return n
 
 
 @njit(cache=True)
 def refine(p, edges, hits, steps, iterations):  # type: ignore[no-untyped-def]
     """Damped Gauss-Newton steps on the distances of the supporting points, outliers weighed down; in place."""
-    points = edges.points
-    matrix, right, row = np.zeros((5, 5)), np.zeros(5), np.zeros(5)
+    matrix, right, rows = np.zeros((5, 5)), np.zeros(5), np.empty((6, steps))
     for _ in range(iterations):
-        matrix[:], right[:] = 0.0, 0.0
-        for k in range(steps):
-            j = hits[k]
-            if j < 0 or (k > 0 and hits[k - 1] == j):
-                continue
-            ax, ay, bx, by = points[j, 0] - p[0], points[j, 1] - p[1], points[j, 0] - p[2], points[j, 1] - p[3]
-            s1, s2 = max(norm2(ax, ay), 1e-9), max(norm2(bx, by), 1e-9)
-            slope = max(norm2(ax / s1 + bx / s2, ay / s1 + by / s2), 1e-3)
-            distance = (s1 + s2 - p[4]) / slope
-            weight = 1 / (1 + distance * distance)
-            row[0], row[1], row[2], row[3] = -ax / s1 / slope, -ay / s1 / slope, -bx / s2 / slope, -by / s2 / slope
-            row[4] = -1 / slope
-            for i in range(5):
-                right[i] -= weight * row[i] * distance
-                for q in range(i + 1):
-                    matrix[i, q] += weight * row[i] * row[q]
+        n = _weighted_rows(p, edges.points, hits, steps, rows)
+        normal_equations5(rows, n, matrix, right)
         for i in range(5):
             matrix[i, i] += 1e-3 * matrix[i, i] + 1e-9
         if not solve5(matrix, right):

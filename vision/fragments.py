@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from vision.edges import EdgeMap
 from vision.errors import InputError
+from vision.part_measures import measure_parts
 
 Array = NDArray[np.float64]
 
@@ -150,25 +151,25 @@ def extract_fragments(
     if edges.index.shape != image.shape:
         raise InputError("edge map", got=f"for {edges.index.shape}", expected=f"one of the image {image.shape}")
     start, stop, sense = _divide(edges.points, edges.offsets, parameters.tolerance_px, parameters.corner_factor)
-    columns = _measure(edges.points, edges.gradients, start, stop, sense, image, parameters.grey_offset_px)
-    endpoints, normals, centre, turn, length, sagitta, grey = columns
-    keep = (
-        (length >= parameters.min_length_px)
-        & (turn >= parameters.min_turn_rad)
-        & (sagitta >= parameters.min_sagitta_px)
+    limits = (parameters.min_length_px, parameters.min_turn_rad, parameters.min_sagitta_px)
+    kept, *columns = measure_parts(
+        edges.points, edges.gradients, start, stop, sense, image, limits, parameters.grey_offset_px
     )
-    inside_brighter = sense < 0
-    table = (start, stop, inside_brighter, endpoints, normals, centre, turn, length, grey)
-    return FragmentTable(*(column[keep] for column in table))
+    return FragmentTable(start[kept], stop[kept], sense[kept] < 0, *columns)
 
 
 @njit(cache=True)
-def _polygon(points, first, last, tolerance, keep):  # type: ignore[no-untyped-def]
-    """Mark the vertices of a polygon within tolerance of points[first:last + 1] (Ramer, Douglas, Peucker)."""
-    stack = [(first, last)]
+def _polygon(points, first, last, tolerance, keep, stack):  # type: ignore[no-untyped-def]
+    """Mark the vertices of a polygon within tolerance of points[first:last + 1] (Ramer, Douglas, Peucker).
+
+    ``stack`` (N, 2) is scratch.
+    """
+    stack[0] = first, last
     keep[first] = keep[last] = True
-    while len(stack) > 0:
-        a, b = stack.pop()
+    waiting = 1
+    while waiting > 0:
+        waiting -= 1
+        a, b = stack[waiting]
         cx, cy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
         chord = np.sqrt(cx * cx + cy * cy)
         # In a loop the line through the two ends says nothing; the distance from one of them does.
@@ -181,18 +182,18 @@ def _polygon(points, first, last, tolerance, keep):  # type: ignore[no-untyped-d
                 worst, at = distance, k
         if at >= 0:
             keep[at] = True
-            stack.append((a, at))
-            stack.append((at, b))
+            stack[waiting], stack[waiting + 1] = (a, at), (at, b)
+            waiting += 2
 
 
 @njit(cache=True)
 def _divide(points, offsets, tolerance, corner_factor):  # type: ignore[no-untyped-def]
     """First and one-past-last point, and sense of turning (+1: from x towards y), of the parts of all chains."""
-    keep = np.zeros(len(points), np.bool_)
+    keep, stack = np.zeros(len(points), np.bool_), np.empty((len(points) + 1, 2), np.int64)
     starts, stops, senses = [0], [0], [0]
     for c in range(len(offsets) - 1):
         first, last = offsets[c], offsets[c + 1] - 1
-        _polygon(points, first, last, tolerance, keep)
+        _polygon(points, first, last, tolerance, keep, stack)
         begin, sense, previous = first, 0, first
         px, py, p_length = 0.0, 0.0, 0.0
         vertex = first
@@ -227,68 +228,3 @@ def _divide(points, offsets, tolerance, corner_factor):  # type: ignore[no-untyp
         stops.append(last + 1)
         senses.append(sense)
     return np.array(starts)[1:], np.array(stops)[1:], np.array(senses)[1:]
-
-
-@njit(cache=True)
-def _grey_along(image, points, gradients, start, stop, offset):  # type: ignore[no-untyped-def]
-    """Mean grey level at a signed offset along the gradient from every second point."""
-    height, width = image.shape
-    total, n = 0.0, 0
-    for k in range(start, stop, 2):
-        x = int(np.rint(points[k, 0] + offset * gradients[k, 0]))
-        y = int(np.rint(points[k, 1] + offset * gradients[k, 1]))
-        total += image[min(max(y, 0), height - 1), min(max(x, 0), width - 1)]
-        n += 1
-    return total / max(n, 1)
-
-
-@njit(cache=True)
-def _measure(points, gradients, start, stop, sense, image, offset):  # type: ignore[no-untyped-def]
-    """The columns of the table: endpoints, normals, centre of mass, turn, length, sagitta, grey levels."""
-    n = len(start)
-    endpoints, normals, centre = np.zeros((n, 2, 2)), np.zeros((n, 3, 2)), np.zeros((n, 2))
-    turn, length, sagitta, grey = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((n, 2))
-    for f in range(n):
-        a, b, side = start[f], stop[f] - 1, sense[f]
-        if b - a < 5 or side == 0:
-            continue
-        # The tangent angle adds up along the arc from gradients a few points apart, which bridges their noise.
-        step = 3
-        for k in range(a, b - step + 1, step):
-            j = min(k + step, b)
-            cross = gradients[k, 0] * gradients[j, 1] - gradients[k, 1] * gradients[j, 0]
-            dot = gradients[k, 0] * gradients[j, 0] + gradients[k, 1] * gradients[j, 1]
-            turn[f] += side * np.arctan2(cross, dot)
-        for k in range(a, b + 1):
-            centre[f, 0] += points[k, 0] / (b + 1 - a)
-            centre[f, 1] += points[k, 1] / (b + 1 - a)
-            if k > a:
-                dx, dy = points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1]
-                length[f] += np.sqrt(dx * dx + dy * dy)
-        endpoints[f, 0], endpoints[f, 1] = points[a], points[b]
-        chord = points[b] - points[a]
-        size = max(np.hypot(chord[0], chord[1]), 1e-9)
-        if size < 0.15 * length[f]:
-            # The chord of an almost closed loop has no direction to speak of; take it square to the radius.
-            radial = 0.5 * (points[a] + points[b]) - centre[f]
-            size = max(np.hypot(radial[0], radial[1]), 1e-9)
-            chord[0], chord[1] = side * radial[1], -side * radial[0]
-        # Turning from x towards y (side +1) has the inside at the tangent + 90 degrees.
-        normals[f, 2, 0], normals[f, 2, 1] = -side * chord[1] / size, side * chord[0] / size
-        for k in range(a, b + 1):
-            offset_k = (points[k, 0] - points[a, 0]) * normals[f, 2, 0] + (points[k, 1] - points[a, 1]) * normals[
-                f, 2, 1
-            ]
-            sagitta[f] = max(sagitta[f], -offset_k)
-        window = min(5, b - a)
-        for end in range(2):
-            low = a if end == 0 else b - window
-            gx, gy = 0.0, 0.0
-            for k in range(low, low + window + 1):
-                gx += gradients[k, 0]
-                gy += gradients[k, 1]
-            norm = max(np.hypot(gx, gy), 1e-9)
-            normals[f, end, 0], normals[f, end, 1] = -side * gx / norm, -side * gy / norm
-        grey[f, 0] = _grey_along(image, points, gradients, a, b + 1, -side * offset)
-        grey[f, 1] = _grey_along(image, points, gradients, a, b + 1, side * offset)
-    return endpoints, normals, centre, turn, length, sagitta, grey

@@ -27,6 +27,7 @@ _MAX_PX = 1600  # longer side; larger images are looked at with half the resolut
 _MIN_COARSE_PX = 64
 _MIN_COARSE_SEMI_MAJOR_PX = 5.0
 _MIN_COARSE_SCORE = 0.3
+_MAX_COARSE_HYPOTHESES, _MAX_COARSE_ATTEMPTS = 400, 80  # less is left to be found there
 _COARSE_OVERLAP = 0.75  # half the resolution does not tell the two edges of a rim apart
 
 
@@ -51,6 +52,7 @@ class GroupingParameters:
         min_overlap: ellipses that overlap by more than this are one,
         max_apart_px: unless their outlines are further apart than this somewhere.
         max_hypotheses: bound on the number of pairs; the longest are kept.
+        max_attempts: bound on the number of hypotheses that are refined; those that most edges support are.
     """
 
     edges: EdgeParameters = field(default_factory=EdgeParameters)
@@ -62,13 +64,14 @@ class GroupingParameters:
     tolerance_px: float = 1.5
     max_direction_error_rad: float = 0.4
     max_pair_error_px: float = 2.0
-    min_share: float = 0.08
+    min_share: float = 0.12
     max_error_px: float = 0.9
     min_coverage: float = 0.3
     min_score: float = 0.3
     min_overlap: float = 0.85
     max_apart_px: float = np.inf
     max_hypotheses: int = 600
+    max_attempts: int = 120
 
     def __post_init__(self) -> None:
         if self.size_px is not None and not 0 < self.size_px[0] <= self.size_px[1]:
@@ -80,7 +83,7 @@ class GroupingParameters:
     def for_model(cls) -> GroupingParameters:
         """For matching with a vision model: fainter edges, both edges of a thin rim, and doubtful ellipses too."""
         edges = EdgeParameters(noise_factor=3.0, clutter_factor=1.0)
-        return cls(edges=edges, min_score=0.1, min_overlap=0.9, max_apart_px=1.5)
+        return cls(edges=edges, min_share=0.08, min_score=0.1, min_overlap=0.9, max_apart_px=1.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +137,7 @@ def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | 
     image, factor = _shrunk(as_gray(gray))
     found = _scaled_ellipses(image, factor, parameters)
     if min(image.shape) >= _MIN_COARSE_PX:
-        coarse = replace(parameters, min_score=max(parameters.min_score, _MIN_COARSE_SCORE))
+        coarse = _coarse(parameters)
         half = np.asarray(cv2.pyrDown(image), np.uint8)
         known = np.array([p for _, p in found]).reshape(-1, 5)
         for score, p in _scaled_ellipses(half, 2 * factor, coarse):
@@ -142,6 +145,16 @@ def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | 
                 found.append((score, p))
         found.sort(key=lambda pair: -pair[0])
     return np.array([Ellipse(p).geometric for _, p in found]).reshape(-1, 5)
+
+
+def _coarse(parameters: GroupingParameters) -> GroupingParameters:
+    """The parameters of the look at half the resolution."""
+    return replace(
+        parameters,
+        min_score=max(parameters.min_score, _MIN_COARSE_SCORE),
+        max_hypotheses=min(parameters.max_hypotheses, _MAX_COARSE_HYPOTHESES),
+        max_attempts=min(parameters.max_attempts, _MAX_COARSE_ATTEMPTS),
+    )
 
 
 def _shrunk(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
@@ -204,7 +217,7 @@ def group_edges(
         *size,
     )
     edge_field = EdgeField.of(edges)
-    ps, quality = verify_hypotheses(ps, groups, edge_field, points, limits)
+    ps, quality = verify_hypotheses(ps, groups, edge_field, points, limits, parameters.max_attempts)
     order = np.argsort(-quality[:, SCORE], kind="stable")
     chosen, numbers, quality = select_survivors(ps, order, edge_field, limits)
     features = _filter_survivors(ps[chosen], numbers, quality, edges, parameters)

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.algebraic_fit import fit_algebraic, norm2, signed_distance
 from vision.edges import EdgeMap
 from vision.fragments import FragmentTable
 
@@ -53,11 +54,8 @@ class Representatives:
 
 def representatives(table: FragmentTable, edges: EdgeMap) -> Representatives:
     """The 16 equally spaced points per fragment that stand for it in fits."""
-    steps = np.linspace(0, 1, POINTS_PER_FRAGMENT)
-    numbers = np.rint(table.start[:, None] + (table.stop - 1 - table.start)[:, None] * steps).astype(np.int64)
-    outward = np.where(table.inside_brighter, -1.0, 1.0)[:, None, None]
     return Representatives(
-        np.ascontiguousarray(edges.points[numbers]), np.ascontiguousarray(edges.gradients[numbers] * outward)
+        *_representatives(table.start, table.stop, table.inside_brighter, edges.points, edges.gradients)
     )
 
 
@@ -105,9 +103,18 @@ def fit_hypotheses(
 
 
 @njit(cache=True)
-def norm2(x, y):  # type: ignore[no-untyped-def]
-    """Length of a vector of moderate size; several times as fast as np.hypot, which heeds overflow."""
-    return np.sqrt(x * x + y * y)
+def _representatives(start, stop, brighter, points, gradients):  # type: ignore[no-untyped-def]
+    """Points and outward normals of all fragments, (F, 16, 2) each."""
+    n = POINTS_PER_FRAGMENT
+    chosen, normals = np.empty((len(start), n, 2)), np.empty((len(start), n, 2))
+    for f in range(len(start)):
+        outward = -1.0 if brighter[f] else 1.0
+        for k in range(n):
+            at = int(np.rint(start[f] + (stop[f] - 1 - start[f]) * (k / (n - 1))))
+            for axis in range(2):
+                chosen[f, k, axis] = points[at, axis]
+                normals[f, k, axis] = outward * gradients[at, axis]
+    return chosen, normals
 
 
 @njit(cache=True)
@@ -121,22 +128,52 @@ def _size_ok(a, b, max_extent):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _convex(endpoints, normals, centre, i, j, slack):  # type: ignore[no-untyped-def]
-    """Convexity constraint, one way: two endpoints and centre of mass of j against fragment i.
+def _half_planes(endpoints, normals):  # type: ignore[no-untyped-def]
+    """(3, 3, F) the three half-planes (a, b, c), in which the rest of a convex curve lies: a x + b y + c >= 0.
 
-    The rest of a convex curve that contains i lies inside the tangents at the two endpoints of i, and beyond its
-    chord.
+    It lies inside the tangents at the two endpoints of the fragment, and beyond its chord.
     """
-    for side in range(3):
-        at = 0 if side == 2 else side
-        nx, ny = normals[i, side, 0], normals[i, side, 1]
-        ox, oy = endpoints[i, at, 0], endpoints[i, at, 1]
-        if (centre[j, 0] - ox) * nx + (centre[j, 1] - oy) * ny < -slack:
-            return False
-        for end in range(2):
-            if (endpoints[j, end, 0] - ox) * nx + (endpoints[j, end, 1] - oy) * ny < -slack:
-                return False
-    return True
+    n = len(endpoints)
+    planes = np.empty((3, 3, n))
+    for i in range(n):
+        for side in range(3):
+            at = 0 if side == 2 else side
+            a, b = normals[i, side, 0], normals[i, side, 1]
+            planes[side, 0, i], planes[side, 1, i] = a, b
+            planes[side, 2, i] = -(a * endpoints[i, at, 0] + b * endpoints[i, at, 1])
+    return planes
+
+
+@njit(cache=True)
+def _witnesses(endpoints, centre):  # type: ignore[no-untyped-def]
+    """(3, 2, F) x and y of the two endpoints and the centre of mass of every fragment."""
+    witnesses = np.empty((3, 2, len(centre)))
+    for i in range(len(centre)):
+        for axis in range(2):
+            for end in range(2):
+                witnesses[end, axis, i] = endpoints[i, end, axis]
+            witnesses[2, axis, i] = centre[i, axis]
+    return witnesses
+
+
+@njit(cache=True)
+def _convexity(planes, witnesses, i, margin):  # type: ignore[no-untyped-def]
+    """Convexity constraint, both ways: two endpoints and centre of mass against the half-planes of the other one.
+
+    ``margin`` receives for every fragment after i how far the worst of these points lies on the right side. There
+    are no branches, so that several fragments are computed at a time.
+    """
+    for j in range(i + 1, len(margin)):
+        worst = np.inf
+        for side in range(3):
+            for w in range(3):
+                x, y = witnesses[w, 0, j], witnesses[w, 1, j]
+                there = planes[side, 0, i] * x + planes[side, 1, i] * y + planes[side, 2, i]
+                x, y = witnesses[w, 0, i], witnesses[w, 1, i]
+                back = planes[side, 0, j] * x + planes[side, 1, j] * y + planes[side, 2, j]
+                least = there if there < back else back
+                worst = least if least < worst else worst
+        margin[j] = worst
 
 
 @njit(cache=True)
@@ -150,108 +187,22 @@ def _similar(grey, brighter, i, j, tolerance):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _pairs(numbers, endpoints, normals, centre, brighter, grey, max_extent, slack, tolerance):  # type: ignore[no-untyped-def]
+    endpoints = endpoints[numbers]
+    planes, witnesses = _half_planes(endpoints, normals[numbers]), _witnesses(endpoints, centre[numbers])
+    margin = np.empty(len(numbers))
     found = [(0, 0)]
-    for i in numbers:
-        for j in numbers:
-            if j <= i:
-                continue
+    for a in range(len(numbers)):
+        _convexity(planes, witnesses, a, margin)
+        i = numbers[a]
+        for b in range(a + 1, len(numbers)):
+            j = numbers[b]
             if (
-                _similar(grey, brighter, i, j, tolerance)
-                and _convex(endpoints, normals, centre, i, j, slack)
-                and _convex(endpoints, normals, centre, j, i, slack)
-                and _size_ok(endpoints[i], endpoints[j], max_extent)
+                margin[b] >= -slack
+                and _similar(grey, brighter, i, j, tolerance)
+                and _size_ok(endpoints[a], endpoints[b], max_extent)
             ):
                 found.append((i, j))
     return np.array(found)[1:]
-
-
-@njit(cache=True)
-def solve5(matrix, right):  # type: ignore[no-untyped-def]
-    """Solve a symmetric positive definite 5x5 system in place (Cholesky); False when it is singular."""
-    for i in range(5):
-        for j in range(i + 1):
-            value = matrix[i, j]
-            for k in range(j):
-                value -= matrix[i, k] * matrix[j, k]
-            if i == j:
-                if value <= 1e-14 * abs(matrix[i, i]) or not value > 0.0:
-                    return False
-                matrix[i, i] = np.sqrt(value)
-            else:
-                matrix[i, j] = value / matrix[j, j]
-    for i in range(5):
-        for k in range(i):
-            right[i] -= matrix[i, k] * right[k]
-        right[i] /= matrix[i, i]
-    for i in range(4, -1, -1):
-        for k in range(i + 1, 5):
-            right[i] -= matrix[k, i] * right[k]
-        right[i] /= matrix[i, i]
-    return True
-
-
-@njit(cache=True)
-def fit_algebraic(x, y, nx, ny, n, p):  # type: ignore[no-untyped-def]
-    """Conic through n points that is square to their normals, as focal parameters p; False if not an ellipse.
-
-    The quadratic part A x² + B x y + C y² has the trace A + C = 1, which does not depend on the coordinate axes
-    and leaves a linear problem. The normals steady the fit of short arcs.
-    """
-    mx, my = x[:n].mean(), y[:n].mean()
-    scale = 1e-9
-    for k in range(n):
-        scale = max(scale, abs(x[k] - mx), abs(y[k] - my))
-    normal_weight = 4.0 / scale  # an error of 0.3 px in place weighs like one of 0.08 rad in direction
-    m, r = np.zeros((5, 5)), np.zeros(5)
-    row = np.empty(5)
-    for k in range(n):
-        u, v = (x[k] - mx) / scale, (y[k] - my) / scale
-        tx, ty = -ny[k] * normal_weight, nx[k] * normal_weight
-        for equation in range(2):
-            if equation == 0:
-                row[0], row[1], row[2], row[3], row[4] = u * u - v * v, u * v, u, v, 1.0
-                value = -v * v
-            else:
-                row[0], row[1], row[2], row[3], row[4] = 2 * (u * tx - v * ty), v * tx + u * ty, tx, ty, 0.0
-                value = -2 * v * ty
-            for i in range(5):
-                r[i] += row[i] * value
-                for j in range(i + 1):
-                    m[i, j] += row[i] * row[j]
-    if not solve5(m, r):
-        return False
-    return _conic_to_focal(r[0], r[1], 1 - r[0], r[2], r[3], r[4], mx, my, scale, p)
-
-
-@njit(cache=True)
-def _conic_to_focal(a, b, c, d, e, f, mx, my, scale, p):  # type: ignore[no-untyped-def]
-    """Focal parameters of the conic a x² + b x y + c y² + d x + e y + f = 0; False if not a real ellipse."""
-    determinant = 4 * a * c - b * b
-    if determinant < 1e-5:
-        return False
-    cx, cy = (b * e - 2 * c * d) / determinant, (b * d - 2 * a * e) / determinant
-    value = -(f + 0.5 * (d * cx + e * cy))
-    root = np.sqrt((a - c) ** 2 + b * b)
-    small, large = 0.5 * (a + c - root), 0.5 * (a + c + root)
-    if value / max(small, 1e-12) <= 0 or small <= 0:
-        return False
-    major, minor = np.sqrt(value / small), np.sqrt(value / large)
-    angle = 0.5 * np.arctan2(-b, c - a)  # of the eigenvector of the smaller eigenvalue
-    focal = np.sqrt(max(major * major - minor * minor, 0.0))
-    fx, fy = focal * np.cos(angle), focal * np.sin(angle)
-    p[0], p[1] = mx + scale * (cx + fx), my + scale * (cy + fy)
-    p[2], p[3] = mx + scale * (cx - fx), my + scale * (cy - fy)
-    p[4] = 2 * scale * major
-    return True
-
-
-@njit(cache=True)
-def signed_distance(p, x, y):  # type: ignore[no-untyped-def]
-    """First-order distance of a point to the ellipse p: f of eq. (3) over |df/dz|; positive outside."""
-    ax, ay, bx, by = x - p[0], y - p[1], x - p[2], y - p[3]
-    s1, s2 = max(norm2(ax, ay), 1e-9), max(norm2(bx, by), 1e-9)
-    slope = norm2(ax / s1 + bx / s2, ay / s1 + by / s2)
-    return (s1 + s2 - p[4]) / max(slope, 1e-3)
 
 
 @njit(cache=True)
@@ -279,9 +230,10 @@ def _fit_all(groups, points, normals, length, max_error, min_share, min_size, ma
         own = length[groups[g, 0]] + (length[groups[g, 1]] if groups[g, 1] >= 0 else 0.0)
         if own < min_share * np.pi * (minor + 0.5 * p[4]):
             continue
-        error = 0.0
+        left = count * (max_error * (1 + 0.002 * p[4])) ** 2
         for k in range(count):
-            error += signed_distance(p, x[k], y[k]) ** 2
-        limit = max_error * (1 + 0.002 * p[4])
-        fine[g] = error <= count * limit * limit
+            left -= signed_distance(p, x[k], y[k]) ** 2
+            if left < 0:
+                break
+        fine[g] = left >= 0
     return fine, ps

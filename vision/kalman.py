@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from vision.hypotheses import norm2
+from vision.algebraic_fit import norm2
 
 MIN_POINTS = 6
 

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.algebraic_fit import signed_distance
 from vision.ellipse_score import COVERAGE, ERROR, QUALITIES, SCORE, VISIBLE, assess
 from vision.ellipse_support import (
     MAX_STEPS,
@@ -21,7 +22,7 @@ from vision.ellipse_support import (
     refine,
     supported_share,
 )
-from vision.hypotheses import MIN_SEMI_MINOR_PX, Representatives, signed_distance
+from vision.hypotheses import MIN_SEMI_MINOR_PX, Representatives
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ Limits = tuple[float, float, float, float, float, float, float]
 
 MIN_VISIBLE = 0.35  # of the circumference inside the image
 GLANCE_STEPS, REFINE_STEPS = 24, 64
-MAX_ATTEMPTS = 120  # of refining a hypothesis; bounds the time that clutter costs
+UNKNOWN = -1
 
 
 @njit(cache=True)
@@ -45,6 +46,25 @@ def _explains(p, points, tolerance):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _is_explained(group, ps, count, rep_points, tolerance, explained):  # type: ignore[no-untyped-def]
+    """Whether one of the first ``count`` ellipses explains all fragments of a group.
+
+    ``explained`` (S, F) remembers what is asked: 1 for yes, 0 for no.
+    """
+    for s in range(count):
+        every = True
+        for f in group:
+            if f < 0:
+                continue
+            if explained[s, f] == UNKNOWN:
+                explained[s, f] = _explains(ps[s], rep_points[f], tolerance)
+            every = every and explained[s, f] == 1
+        if every:
+            return True
+    return False
+
+
+@njit(cache=True)
 def _settle(p, edges, used, tolerance, agreement, min_share, hits):  # type: ignore[no-untyped-def]
     """Alternate gathering and refining while the tolerance narrows, in place; False when support is lost."""
     for widen in (1.5, 0.5, 0.0):
@@ -56,7 +76,7 @@ def _settle(p, edges, used, tolerance, agreement, min_share, hits):  # type: ign
 
 @njit(cache=True)
 def search(  # type: ignore[no-untyped-def]
-    ps, groups, edges, rep_points, limits, out_ps, out_quality
+    ps, groups, edges, rep_points, limits, max_attempts, out_ps, out_quality
 ):
     """Refine and verify hypotheses, best first; write the survivors and return their number.
 
@@ -71,18 +91,12 @@ def search(  # type: ignore[no-untyped-def]
     for h in range(n):
         steps = gather(ps[h], edges, used, tolerance + 1.5, agreement - 0.05, GLANCE_STEPS, hits)
         first[h] = supported_share(hits, steps)
-    explained = np.zeros((len(out_ps), fragments), np.bool_)
+    explained = np.full((len(out_ps), fragments), UNKNOWN, np.int8)
     found, attempts = 0, 0
     for h in np.argsort(-first):
-        if found == len(out_ps) or first[h] < min_coverage or attempts == MAX_ATTEMPTS:
+        if first[h] < min_coverage or attempts == max_attempts:
             break
-        i, j = groups[h, 0], groups[h, 1]
-        known = False
-        for s in range(found):
-            if explained[s, i] and (j < 0 or explained[s, j]):
-                known = True
-                break
-        if known:
+        if _is_explained(groups[h], out_ps, found, rep_points, tolerance, explained):
             continue
         p = out_ps[found]
         p[:] = ps[h]
@@ -99,8 +113,6 @@ def search(  # type: ignore[no-untyped-def]
         if quality[SCORE] < 0.3 * min_score:
             continue
         out_quality[found] = quality
-        for f in range(fragments):
-            explained[found, f] = _explains(p, rep_points[f], tolerance)
         found += 1
     return found
 
@@ -133,7 +145,7 @@ def verify_hypotheses(
     edges: EdgeField,
     points: Representatives,
     limits: Limits,
-    most: int = 300,
+    max_attempts: int,
 ) -> tuple[Array, Array]:
     """Refine and verify hypotheses.
 
@@ -144,13 +156,13 @@ def verify_hypotheses(
         points: representatives of all fragments.
         limits: tolerance in pixels, least cosine between gradient and normal, least score, least coverage,
             largest error in pixels, smallest and largest semi-major axis in pixels.
-        most: largest number of survivors.
+        max_attempts: only so many of the most promising hypotheses are refined, which bounds the time in clutter.
 
     Returns:
         (S, 5) refined focal parameters and (S, 11) quality (columns: see ``ellipse_score.py``).
     """
-    out_ps, out_quality = np.zeros((most, 5)), np.zeros((most, QUALITIES))
-    found = search(ps, groups, edges, points.points, limits, out_ps, out_quality)
+    out_ps, out_quality = np.zeros((max_attempts + 1, 5)), np.zeros((max_attempts + 1, QUALITIES))
+    found = search(ps, groups, edges, points.points, limits, max_attempts, out_ps, out_quality)
     return out_ps[:found], out_quality[:found]
 
 

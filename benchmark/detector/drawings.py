@@ -2,7 +2,7 @@
 
 A drawing is a background (gradient, texture), straight and textured clutter, ellipses of one category, things in
 front of them, then blur and noise. An ellipse counts as ground truth where enough of its circumference has contrast
-in the clean drawing; those that are hidden further are neither asked for nor counted against a detector.
+in the clean drawing; those that are hidden further, or faint, are neither asked for nor counted against a detector.
 The splits 'tune' and 'test' draw from disjoint seeds and, in scenes, different textures: thresholds are chosen on the
 first and reported on the second.
 """
@@ -26,7 +26,7 @@ PLAIN = ("complete", "concentric", "occluded", "small", "low_contrast", "clutter
 CATEGORIES = (*PLAIN, *PHOTOGRAPHIC)
 SPLITS = {"tune": 0, "test": 1_000_000}  # first seed of each
 _ASKED_SHARE, _TOLERATED_SHARE = 0.5, 0.2  # of the circumference that has contrast
-_VISIBLE_CONTRAST = 8.0  # grey levels
+_VISIBLE_CONTRAST, _FAINT_CONTRAST = 8.0, 2.5  # grey levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Drawing:
     Attributes:
         image: (H, W) uint8.
         ellipses: ground truth.
-        tolerated: ellipses that are largely hidden: a detector may report them or not.
+        tolerated: ellipses that are largely hidden or faint: a detector may report them or not.
         category: one of ``CATEGORIES``.
     """
 
@@ -57,21 +57,25 @@ def draw(split: str, category: str, number: int) -> Drawing:
     rng = np.random.default_rng([SPLITS[split] + number, CATEGORIES.index(category)])
     if category in PHOTOGRAPHIC:
         canvas, seen = compose(rng, split, category)
-        ellipses, shares = [e for e, _ in seen], [share for _, share in seen]
     else:
-        canvas, ellipses, shares = _draw_plain(rng, category)
+        canvas, seen = _draw_plain(rng, category)
+    ellipses = [e for e, _, _ in seen]
     if rng.random() < 0.6:
         canvas, ellipses = _bend(rng, canvas, ellipses)
     return Drawing(
         _photograph(rng, canvas),
-        tuple(e for e, share in zip(ellipses, shares, strict=True) if share >= _ASKED_SHARE),
-        tuple(e for e, share in zip(ellipses, shares, strict=True) if _TOLERATED_SHARE <= share < _ASKED_SHARE),
+        tuple(e for e, (_, plain, _) in zip(ellipses, seen, strict=True) if plain >= _ASKED_SHARE),
+        tuple(
+            e
+            for e, (_, plain, faint) in zip(ellipses, seen, strict=True)
+            if plain < _ASKED_SHARE and faint >= _TOLERATED_SHARE
+        ),
         category,
     )
 
 
-def _draw_plain(rng: np.random.Generator, category: str) -> tuple[Array, list[Ellipse], list[float]]:
-    """Flat ellipses among straight and textured clutter: the canvas, the ellipses, and their visible shares."""
+def _draw_plain(rng: np.random.Generator, category: str) -> tuple[Array, list[tuple[Ellipse, float, float]]]:
+    """Flat ellipses among straight and textured clutter: the canvas, and the ellipses with their visible shares."""
     size = (int(rng.integers(300, 800)), int(rng.integers(300, 1000)))
     canvas = _background(rng, size)
     _clutter(rng, canvas, int(rng.integers(5, 30 if category != "clutter" else 60)))
@@ -81,7 +85,7 @@ def _draw_plain(rng: np.random.Generator, category: str) -> tuple[Array, list[El
             ellipses += _place(rng, canvas, category, ellipses)
     if category == "occluded":
         _clutter(rng, canvas, int(rng.integers(6, 14)))
-    return canvas, ellipses, [_visible_share(canvas, ellipse) for ellipse in ellipses]
+    return canvas, [(ellipse, *_visible_shares(canvas, ellipse)) for ellipse in ellipses]
 
 
 def _bend(rng: np.random.Generator, canvas: Array, ellipses: list[Ellipse]) -> tuple[Array, list[Ellipse]]:
@@ -278,8 +282,8 @@ def _paint(rng: np.random.Generator, canvas: Array, ellipse: Ellipse, contrast: 
     fill_ellipse(canvas, ellipse, grey)
 
 
-def _visible_share(canvas: Array, ellipse: Ellipse) -> float:
-    """Share of the circumference across which the clean drawing changes visibly."""
+def _visible_shares(canvas: Array, ellipse: Ellipse) -> tuple[float, float]:
+    """Shares of the circumference across which the clean drawing changes plainly, and at least faintly."""
     outline = ellipse.sample(256)
     outward = np.column_stack([outline, np.ones(256)]) @ ellipse.conic[:, :2]
     outward /= np.hypot(*outward.T)[:, None]
@@ -288,4 +292,5 @@ def _visible_share(canvas: Array, ellipse: Ellipse) -> float:
     sides = [np.round(outline + step * outward).astype(int) for step in (-1.7, 1.7)]
     inside_image = np.all([(side >= 0).all(axis=1) & (side <= limit).all(axis=1) for side in sides], axis=0)
     greys = [smooth[tuple(np.clip(side, 0, limit).T[::-1])] for side in sides]
-    return float(np.mean(inside_image & (np.abs(greys[0] - greys[1]) >= _VISIBLE_CONTRAST)))
+    step = np.where(inside_image, np.abs(greys[0] - greys[1]), 0.0)
+    return float(np.mean(step >= _VISIBLE_CONTRAST)), float(np.mean(step >= _FAINT_CONTRAST))

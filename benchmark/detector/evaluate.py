@@ -1,13 +1,15 @@
 """Precision, recall, F and time of ``vision.detect_ellipses`` on drawn images.
 
-Usage: ``python -m benchmark.detector.evaluate [--split tune|test] [--number N]``. One-to-one matching, a pair counts
-where the filled ellipses overlap by more than 0.8 (intersection over union); one thread.
+Usage: ``python -m benchmark.detector.evaluate [--split tune|test] [--number N] [--against NAME ...]``. One-to-one
+matching, a pair counts where the filled ellipses overlap by more than 0.8 (intersection over union); one thread.
+``--against`` runs public detectors on the same drawings; see ``public.py`` for what they need.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -16,9 +18,12 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from benchmark.detector.drawings import CATEGORIES, SPLITS, Drawing, draw
+from benchmark.detector.public import PUBLIC, Detector, public_detector
 from vision import detect_ellipses
 from vision.ellipse import Ellipse, overlap
+from vision.errors import ResourceError
 
+OURS = "focalpick"
 MIN_OVERLAP = 0.8
 
 
@@ -85,23 +90,24 @@ def judge(drawing: Drawing, geometric: NDArray[np.float64], seconds: float) -> T
     return Tally(len(pairs), len(found) - tolerated, len(drawing.ellipses), seconds, 1)
 
 
-def evaluate(split: str, number: int) -> dict[str, Tally]:
-    """Tally per category over the drawings 0 to ``number`` - 1 of a split."""
-    detect_ellipses(draw("tune", "complete", 0).image)  # compile first
-    tallies = {}
+def evaluate(split: str, number: int, detectors: Mapping[str, Detector]) -> dict[str, dict[str, Tally]]:
+    """Tally per detector and category over the drawings 0 to ``number`` - 1 of a split."""
+    for detect in detectors.values():
+        detect(draw("tune", "complete", 0).image)  # compile first
+    tallies = {name: dict.fromkeys(CATEGORIES, Tally()) for name in detectors}
     for category in CATEGORIES:
-        tally = Tally()
         for k in range(number):
             drawing = draw(split, category, k)
-            start = time.perf_counter()
-            geometric = detect_ellipses(drawing.image)
-            tally += judge(drawing, geometric, time.perf_counter() - start)
-        tallies[category] = tally
+            for name, detect in detectors.items():
+                start = time.perf_counter()
+                geometric = detect(drawing.image)
+                seconds = time.perf_counter() - start
+                tallies[name][category] += judge(drawing, geometric, seconds)
     return tallies
 
 
 def table(tallies: dict[str, Tally]) -> str:
-    """The figures as text, one line per category and one for all."""
+    """The figures of one detector as text, one line per category and one for all."""
     lines = [f"{'category':14}{'images':>7}{'true':>6}{'P':>8}{'R':>8}{'F':>8}{'ms/image':>10}"]
     for name, t in [*tallies.items(), ("all", sum(tallies.values(), Tally()))]:
         rates = f"{t.precision:8.3f}{t.recall:8.3f}{t.f_measure:8.3f}"
@@ -114,9 +120,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--split", choices=tuple(SPLITS), default="test", help="which drawings")
     parser.add_argument("--number", type=int, default=20, help="drawings per category")
+    parser.add_argument("--against", nargs="+", choices=tuple(PUBLIC), default=[], help="public detectors to compare")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
-    print(table(evaluate(arguments.split, arguments.number)))
+    try:
+        detectors: dict[str, Detector] = {name: public_detector(name) for name in arguments.against}
+    except ResourceError as error:
+        parser.exit(2, f"{error}\n")
+    tallies = evaluate(arguments.split, arguments.number, {OURS: detect_ellipses, **detectors})
+    for name in tallies:
+        print(*([f"\n{name}"] if detectors else []), table(tallies[name]), sep="\n")
 
 
 if __name__ == "__main__":

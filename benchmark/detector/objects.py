@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 _MIN_SEMI_MINOR_PX = 6.0
 _VISIBLE_CONTRAST = 10.0  # grey levels
+_FAINT_CONTRAST = 2.5  # grey levels: some see such an outline, and some do not
 NOBODY = 0
 
 
@@ -34,6 +35,7 @@ class Picture:
         owner: (H, W) number of the thing on top, 0 for the background.
         texture: of the surfaces.
         outlines: the elliptic outlines and the numbers of their things.
+        unasked: outlines that nobody asks for and nobody minds, such as those of shadows.
         things: how many things there are.
     """
 
@@ -41,6 +43,7 @@ class Picture:
     owner: NDArray[np.int32]
     texture: Texture
     outlines: list[tuple[Ellipse, int]] = field(default_factory=list)
+    unasked: list[Ellipse] = field(default_factory=list)
     things: int = 0
 
     @classmethod
@@ -62,8 +65,11 @@ class Picture:
         self.canvas += cover * (grey - self.canvas)
         self.owner[cover > 0.5] = number
 
-    def visible_share(self, outline: Ellipse, number: int) -> float:
-        """Share of an outline that lies in the picture, is not hidden, and has contrast on average over a stretch."""
+    def visible_shares(self, outline: Ellipse, number: int) -> tuple[float, float]:
+        """Share of an outline that lies in the picture, is not hidden, and has contrast on average over a stretch.
+
+        First the share with a contrast that everyone sees, then that with a faint one.
+        """
         points = outline.sample(256)
         outward = np.column_stack([points, np.ones(256)]) @ outline.conic[:, :2]
         outward /= np.hypot(*outward.T)[:, None]
@@ -72,7 +78,9 @@ class Picture:
         seen = np.all([(side >= 0).all(axis=1) & (side <= limit).all(axis=1) for side in sides], axis=0)
         inner, outer = (tuple(np.clip(side, 0, limit).T[::-1]) for side in sides)
         step = uniform_filter1d(self.canvas[inner] - self.canvas[outer], 15, mode="wrap")
-        return float(np.mean(seen & (np.abs(step) >= _VISIBLE_CONTRAST) & (self.owner[inner] == number)))
+        seen &= self.owner[inner] == number
+        visible, faint = (float(np.mean(seen & (np.abs(step) >= c))) for c in (_VISIBLE_CONTRAST, _FAINT_CONTRAST))
+        return visible, faint
 
 
 def distance_map(shape: tuple[int, ...], outline: Ellipse) -> Array:
@@ -112,6 +120,7 @@ def _shadow(rng: np.random.Generator, picture: Picture, outline: Ellipse) -> Non
     semi_minor = outline.semi_axes[1]
     dark = scaled(outline, rng.uniform(0.95, 1.1), rng.uniform(-0.25, 0.25, 2) * semi_minor)
     softness = rng.uniform(0.05, 0.3) * semi_minor + 1
+    picture.unasked.append(dark)
     cover = 1 / (1 + np.exp(np.clip(distance_map(picture.canvas.shape, dark) / softness * 2, -30, 30)))
     picture.canvas *= 1 - rng.uniform(0.2, 0.6) * cover
 
@@ -166,6 +175,7 @@ def _cup(rng: np.random.Generator, picture: Picture, outline: Ellipse) -> None:
     mask = np.zeros(picture.canvas.shape, np.uint8)
     cv2.fillConvexPoly(mask, np.round(hull * 16).astype(np.int32), 255, cv2.LINE_AA, 4)
     picture.paint(mask / 255.0, picture.surface(rng, body, 4.0), number)
+    picture.unasked.append(foot)  # of which the nearer half can be seen
     _disc(rng, picture, outline, _differing(rng, body, 15), number)
     inner = scaled(outline, rng.uniform(0.82, 0.95))
     _disc(rng, picture, inner, _differing(rng, body, 25), number)

@@ -18,7 +18,7 @@ _AXES = {"thin": (0.2, 0.4), "tiny": (0.6, 1.0)}
 _COVERED = {"scene": 0.5, "half": 1.0}  # share of the things that have something in front of them
 
 
-def compose(rng: np.random.Generator, split: str, category: str) -> tuple[Array, list[tuple[Ellipse, float]]]:
+def compose(rng: np.random.Generator, split: str, category: str) -> tuple[Array, list[tuple[Ellipse, float, float]]]:
     """A scene of one of the photographic categories.
 
     Args:
@@ -29,7 +29,8 @@ def compose(rng: np.random.Generator, split: str, category: str) -> tuple[Array,
             'scene' (everything together).
 
     Returns:
-        The picture (H, W), out of focus but without noise, and every elliptic outline with its visible share.
+        The picture (H, W), out of focus but without noise, and every elliptic outline with the share of it that is
+        plain to see, and that which is at least faint.
     """
     size = (int(rng.integers(300, 700)), int(rng.integers(400, 900)))
     texture = TEXTURES[split][int(rng.integers(len(TEXTURES[split])))]
@@ -42,7 +43,8 @@ def compose(rng: np.random.Generator, split: str, category: str) -> tuple[Array,
     picture.canvas = _defocus(rng, picture.canvas)
     if category == "faint":
         picture.canvas = picture.canvas.mean() + rng.uniform(0.12, 0.4) * (picture.canvas - picture.canvas.mean())
-    return picture.canvas, [(e, picture.visible_share(e, number)) for e, number in picture.outlines]
+    seen = [(e, *picture.visible_shares(e, number)) for e, number in picture.outlines]
+    return picture.canvas, seen + [(e, 0.0, 1.0) for e in picture.unasked]
 
 
 def _place(rng: np.random.Generator, picture: Picture, category: str) -> list[Ellipse]:
