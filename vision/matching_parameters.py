@@ -22,7 +22,7 @@ class MatchingParameters:
         joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points.
     """
 
-    candidates: int = 32
+    candidates: int = 16
     minimum_scores: tuple[float, ...] = (0.6, 0.5, 0.42)
     minimum_separation: float = 0.12
     reach_px: tuple[float, ...] = (2.5, 1.5, 1.5)

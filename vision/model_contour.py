@@ -19,9 +19,10 @@ Array = NDArray[np.float64]
 
 SAMPLE_SPACING_PX = 3.0
 PATTERN_SAMPLES = 24  # of one copy
+INPLANE_STRIDE = 2  # of the samples, where the rotation about z is looked for all the way round
 RIM_SLACK = 0.03  # taught radii are not exact, rims are rounded
 COVER_MARGIN = 0.1  # of the part's radius, behind the surface of another part
-COVER_BLOCK_PX = 2  # what parts hide is known by blocks of pixels
+COVER_BLOCK_PX = 4  # what parts hide is known by blocks of pixels
 GRAZING_COSINE = 0.12  # a circle seen at more than 83 degrees from its normal is not expected to show an edge
 
 
@@ -80,7 +81,7 @@ class ModelContour:
         return self._asymmetric
 
     def first_copies(self) -> ModelContour:
-        """Of the circles that tell the rotation about z the first of each feature; the numbering stays."""
+        """Of the circles that tell the rotation about z the first of each feature, thinned; the numbering stays."""
         return self._first_copies
 
     def salient(self) -> ModelContour:
@@ -101,7 +102,9 @@ class ModelContour:
 
     @cached_property
     def _first_copies(self) -> ModelContour:
-        return self._only(~self.circle_symmetric & (self.circle_copies > 0))
+        return self._only(~self.circle_symmetric & (self.circle_copies > 0))._samples(
+            slice(None, None, INPLANE_STRIDE)
+        )
 
     @cached_property
     def _salient(self) -> ModelContour:

@@ -101,8 +101,9 @@ def test_rotation_about_the_axis_is_found_from_any_start(start_deg, front, photo
 
 
 @pytest.mark.parametrize("least", [1, 40, 97])
-def test_one_copy_looked_at_all_round_tells_what_all_copies_do(least, front, photograph, contour):
-    scene = edges_of(photograph([front]))
+def test_one_copy_looked_at_all_round_tells_what_all_copies_do(least, front, photograph, plate, monkeypatch):
+    monkeypatch.setattr("vision.model_contour.INPLANE_STRIDE", 1)
+    scene, contour = edges_of(photograph([front])), ModelContour.of(plate, SCALE)
     support = scene.inplane_support_all_round(front.as_matrix(), contour, 3, least)
     n = 3 * len(support)
     assert n >= least
