@@ -101,16 +101,18 @@ def time_scene(scene: Scene) -> Times:
         times[stage].append((time.perf_counter() - start) / views)
         return result
 
-    flat, features, fields = [], [], []
+    flat, features, arcs, fields = [], [], [], []
     for view in scene.views:
         flat.append(timed("undistort", view.undistorted))
         found = timed("region extraction", lambda: region.extract(flat[-1], scene.workspace))
         found = found + timed("edge grouping", lambda: group.extract(flat[-1], scene.workspace))
         features.append(found)
+        # Edge grouping has them already; the localizer asks once for both.
+        arcs.append(dual.features_and_arcs(flat[-1], scene.workspace)[1])
         fields.append(timed("edge field", lambda: EdgeField.from_gray(flat[-1].gray)))
     parameters = replace(dual.parameters, joint_edges=True)
     matcher = Matcher(flat, fields, model, scene.workspace, parameters)
-    timed("matching", lambda: matcher.match(features), len(scene.views))
+    timed("matching", lambda: matcher.match(features, arcs), len(scene.views))
     times[TOTAL] = [sum(sum(times[s]) for s in STAGES[:-1]) / len(scene.views) + times["matching"][0]]
     return times
 

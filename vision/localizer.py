@@ -11,7 +11,6 @@ import numpy as np
 from vision.arcs import Arc, arcs_of
 from vision.camera import View
 from vision.candidates import Workspace
-from vision.ellipse import Ellipse
 from vision.errors import InputError
 from vision.evidence import EdgeField
 from vision.extraction_thresholds import ExtractionThresholds
@@ -102,7 +101,7 @@ class EllipseLocalizer:
         if not views:
             return Localization(())
         flat = [v.undistorted() for v in views]
-        seen = [self._extract(v, workspace) for v in flat]
+        seen = [self.features_and_arcs(v, workspace) for v in flat]
         features, arcs = [s[0] for s in seen], [s[1] for s in seen]
         estimates = self._match(flat, features, arcs, workspace, joint_edges=len(self.processes) > 1)
         return Localization(estimates, tuple(tuple(f) for f in features))
@@ -130,9 +129,9 @@ class EllipseLocalizer:
 
     def extract(self, view: View, workspace: Workspace | None = None) -> list[EllipseFeature]:
         """The ellipses that the extractors find in one view with a distortion-free lens."""
-        return self._extract(view, workspace)[0]
+        return self.features_and_arcs(view, workspace)[0]
 
-    def _extract(self, view: View, workspace: Workspace | None) -> tuple[list[EllipseFeature], list[Arc]]:
+    def features_and_arcs(self, view: View, workspace: Workspace | None) -> tuple[list[EllipseFeature], list[Arc]]:
         """The ellipses of a view, and the arcs to fall back on where both extractors are at work."""
         thresholds = common_thresholds(self.models)
         found: list[EllipseFeature] = []
@@ -144,22 +143,22 @@ class EllipseLocalizer:
             found += grouping.features
             if workspace is not None and len(self.processes) > 1:
                 arcs = arcs_of(grouping, SHORTEST_ARC * self._outline_px(view, workspace))
-        return [f for f in found if self._plausible(f.ellipse, view, workspace)], arcs
+        smallest, largest = self._sizes_px(view, workspace)
+        return [f for f in found if smallest < f.ellipse.semi_axes[0] < largest], arcs
 
     def _outline_px(self, view: View, workspace: Workspace) -> float:
         """Radius of the smallest part's outline at the far side of the workspace."""
         outlines = [max(f.circle.radius_m for f in m.salient) for m in self.models]
         return view.camera.fx * min(outlines) / _depth_range(view, workspace)[1]
 
-    def _plausible(self, ellipse: Ellipse, view: View, workspace: Workspace | None) -> bool:
-        """The size constraint: some salient circle of some model can look that large from here."""
+    def _sizes_px(self, view: View, workspace: Workspace | None) -> tuple[float, float]:
+        """The size constraint: how large the semi-major axis of any salient circle of any model can be from here."""
         if workspace is None:
-            return True
-        distances = _depth_range(view, workspace)
-        major = ellipse.semi_axes[0]
+            return 0.0, float("inf")
+        nearest, farthest = _depth_range(view, workspace)
         radii = [f.circle.radius_m for m in self.models for f in m.salient]
         fx = view.camera.fx
-        return 0.85 * fx * min(radii) / distances[1] < major < 1.15 * fx * max(radii) / distances[0]
+        return 0.85 * fx * min(radii) / farthest, 1.15 * fx * max(radii) / nearest
 
     def _match(
         self,
