@@ -24,12 +24,12 @@ Indices = NDArray[np.intp]
 
 POINTS_PER_ARC = 24
 MOST_ARCS = 60
-MOST_UNEXPLAINED = 12
+MOST_UNEXPLAINED = 10  # that are tried in a view, the longest
 NOISE_PX = 0.5
 TILT_SIGMA_RAD = np.radians(12.0)
 DEPTH_SIGMA = 0.02  # relative
 DEPTH_LEVELS = (0.15, 0.4, 0.65)  # of the workspace's height
-ITERATIONS = 6
+ITERATIONS = 4
 LARGEST_RESIDUAL_PX = 1.5
 
 
@@ -63,7 +63,7 @@ def arc_poses(
     """The poses that the arcs of all views suggest, as outlines of flat lying parts at several depths.
 
     Args:
-        arcs: of every view, longest first; only the first ones are tried.
+        arcs: of every view.
         views: with distortion-free lenses.
         cameras: their arrays, see :func:`vision.camera.camera_arrays`.
         circles: the model's salient circles.
@@ -77,7 +77,7 @@ def arc_poses(
     heights = workspace.low[2] + np.array(DEPTH_LEVELS) * (workspace.high[2] - workspace.low[2])
     for v, (view, mine) in enumerate(zip(views, arcs, strict=True)):
         T_world_camera = view.T_world_camera.as_matrix()
-        for arc in mine[:MOST_UNEXPLAINED]:
+        for arc in mine:
             stride = max(len(arc.points) // POINTS_PER_ARC, 1)
             points, inwards = np.ascontiguousarray(arc.points[::stride]), arc.inwards[::stride]
             middle = np.array([points.mean(axis=0), np.median(points, axis=0), np.median(inwards, axis=0)])

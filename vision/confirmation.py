@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import cv2
 import numpy as np
@@ -28,6 +29,7 @@ Mask = NDArray[np.bool_]
 REACH_PX = 3.0
 INPLANE_STEP_PX = 1.5
 CLAIM_SUPPORT = 0.3
+CLAIMED_SHARE = 0.3  # of an arc, from which it counts as claimed
 CHANCE_SUPPORT = 0.2  # what random edges give
 LEAST_SHOWN = 0.4
 
@@ -185,9 +187,10 @@ class SceneEdges:
             mine[y, x] = 1
             self._claimed[v] |= cv2.dilate(mine, np.ones((2 * width_px + 1,) * 2, np.uint8)) > 0
 
-    def unclaimed(self, view: int, arcs: Sequence[Arc]) -> list[Arc]:
-        """The arcs of a view of which most points have not been claimed."""
-        return [arc for arc in arcs if self._is_claimed(view, arc.points).mean() < 0.3]
+    def unclaimed(self, view: int, arcs: Sequence[Arc], most: int) -> list[Arc]:
+        """The first arcs of a view, at most so many, of which most points have not been claimed."""
+        left = (arc for arc in arcs if self._is_claimed(view, arc.points).mean() < CLAIMED_SHARE)
+        return list(islice(left, most))
 
     def _tally(self, poses: Array, contour: ModelContour, reach_px: float) -> tuple[Array, Array]:
         """Sum of the support (N, V, C), and number of the samples (N, V, C, 2) in sight, and of all that face it."""

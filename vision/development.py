@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.alignment import align_on_ellipses
-from vision.arcs import Arc, arc_poses
+from vision.arcs import MOST_UNEXPLAINED, Arc, arc_poses
 from vision.body import share_inside
 from vision.candidates import Candidates, SalientCircles, Workspace
 from vision.confirmation import SceneEdges
@@ -80,7 +80,7 @@ class Development:
         found: Sequence[Array],
     ) -> HypothesisPool:
         """What the arcs suggest that no part found explains, moved to where the edges of all views agree."""
-        left = [self.scene.unclaimed(v, mine) for v, mine in enumerate(arcs)]
+        left = [self.scene.unclaimed(v, mine, MOST_UNEXPLAINED) for v, mine in enumerate(arcs)]
         poses, seed = arc_poses(left, self.scene.views, self.scene.cameras, self.circles, workspace)
         separation = self.parameters.minimum_separation * 2 * self.circles.radius.max()
         for T in found:
