@@ -11,14 +11,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.camera import View
-from vision.circle_pose import Circle, plane_axes
+from vision.circle_pose import Circle
 from vision.evidence import FULL_ALIGNMENT, LOOSEST_ALIGNMENT
-from vision.vision_model import CircleFeature, Pattern, VisionModel, turns_about_axis
+from vision.model_curves import along_circle, along_pattern
+from vision.vision_model import VisionModel, turns_about_axis
 
 Array = NDArray[np.float64]
 
-SAMPLE_SPACING_PX = 3.0
-PATTERN_SAMPLES = 24  # of one copy
 INPLANE_STRIDE = 2  # of the samples, where the rotation about z is looked for all the way round
 RIM_SLACK = 0.03  # taught radii are not exact, rims are rounded
 COVER_MARGIN = 0.1  # of the part's radius, behind the surface of another part
@@ -125,8 +124,8 @@ class ModelContour:
     @classmethod
     def of(cls, model: VisionModel, scale_px_per_m: float) -> ModelContour:
         """Sample the features of a model at an image scale (focal length over distance)."""
-        curves = [_along_circle(feature, model, scale_px_per_m) for feature in model.features]
-        curves += [_along_pattern(pattern, model) for pattern in model.patterns]
+        curves = [along_circle(feature, model, scale_px_per_m) for feature in model.features]
+        curves += [along_pattern(pattern, model) for pattern in model.patterns]
         turns = [(curve, turn) for curve in curves for turn in turns_about_axis(curve.copies)]
         points, tangents, normals = (
             np.vstack([getattr(curve, name) @ turn.T for curve, turn in turns])
@@ -159,44 +158,6 @@ class ModelContour:
         intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
         samples = (self.points, self.tangents, self.normals, self.circle, self.rims)
         return Projection(*_project(np.ascontiguousarray(T), intrinsics, samples))
-
-
-@dataclass(frozen=True, eq=False)
-class _Curve:
-    """The first copy of a feature, sampled: points, tangents and normals (S, 3)."""
-
-    points: Array
-    tangents: Array
-    normals: Array
-    copies: int
-    weight: float
-    salient: bool
-    drawn: bool
-    symmetric: bool
-
-
-def _along_circle(feature: CircleFeature, model: VisionModel, scale_px_per_m: float) -> _Curve:
-    circle = feature.circle
-    circumference_px = 2 * np.pi * circle.radius_m * scale_px_per_m
-    n = int(np.clip(circumference_px / SAMPLE_SPACING_PX, 12, 160))
-    u, v = plane_axes(circle.normal)
-    t = np.linspace(0, 2 * np.pi, n, endpoint=False)[:, None]
-    points = circle.centre + circle.radius_m * (np.cos(t) * u + np.sin(t) * v)
-    tangents = -np.sin(t) * u + np.cos(t) * v
-    normals = np.broadcast_to(circle.normal, (n, 3))
-    symmetric = float(np.hypot(*circle.centre[:2])) < 1e-3 * model.diameter_m
-    return _Curve(
-        points, tangents, normals, feature.copies, feature.support, feature.role == "salient", False, symmetric
-    )
-
-
-def _along_pattern(pattern: Pattern, model: VisionModel) -> _Curve:
-    """One sector of a pattern: it is the same in all."""
-    fold = model.symmetry_fold or 1
-    sector = np.flatnonzero(np.arctan2(pattern.points[:, 1], pattern.points[:, 0]) % (2 * np.pi) < 2 * np.pi / fold)
-    chosen = sector[:: -(-len(sector) // PATTERN_SAMPLES)]
-    normals = np.broadcast_to(pattern.normal, (len(chosen), 3))
-    return _Curve(pattern.points[chosen], pattern.directions[chosen], normals, fold, 1.0, False, True, False)
 
 
 def _rims_before(sides: Sequence[tuple[float, float]], model: VisionModel) -> Array:

@@ -13,7 +13,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from vision.camera import camera_arrays
 from vision.circle_pose import Circle, project_circle
 from vision.evidence import EdgeField
-from vision.model_contour import PATTERN_SAMPLES, SAMPLE_SPACING_PX, ModelContour, passes_rims, tally_support
+from vision.model_contour import ModelContour, passes_rims, tally_support
+from vision.model_curves import PATTERN_SAMPLES, SAMPLE_SPACING_PX
 from vision.vision_model import CircleFeature, Pattern, VisionModel, turns_about_axis
 
 SCALE = 4200.0
@@ -176,3 +177,11 @@ def test_the_first_copies_stand_for_all(slotted):
     contour = ModelContour.of(slotted, SCALE)
     assert set(contour.first_copies().circle) == {5, 8}
     assert set(contour.asymmetric().circle) == {5, 6, 7, 8, 9, 10}
+
+
+def test_a_pattern_that_leaves_a_sector_empty_is_sampled_as_a_whole(plate):
+    points = np.column_stack([np.full(30, -0.02), np.linspace(-0.01, -0.005, 30), np.full(30, 0.004)])
+    pattern = Pattern("notch", np.array([0.0, 0.0, 1.0]), points, np.tile([0.0, 1.0, 0.0], (30, 1)))
+    contour = ModelContour.of(replace(plate, patterns=(pattern,)), SCALE)
+    assert contour.circle_copies[contour.circle_drawn].tolist() == [1]
+    assert 0 < np.count_nonzero(contour.circle == 8) <= 30
