@@ -154,6 +154,19 @@ def test_a_crash_loses_nothing(person: Person, page: Page, program: Program, les
         assert again.interrupt() == 130
 
 
+def test_an_overlay_that_does_not_arrive_is_asked_for_again(person: Person, page: Page):
+    person.wait_for_extractors()
+    fetch = "(tag) => window.focalpickStage.album.fetchOverlay(0, tag)"
+    tag = page.evaluate("() => window.focalpickStage.album.views[0].tag")
+    page.route("**/overlay/**", lambda route: route.abort())
+    page.evaluate(fetch, f"{tag}-lost")
+    page.unroute("**/overlay/**")
+    assert page.evaluate("() => window.focalpickStage.album.views[0].tag === undefined")
+    with page.expect_response(f"**/overlay/{tag}/0.json") as answer:
+        page.evaluate(fetch, tag)
+    assert answer.value.ok
+
+
 def test_an_inconsistent_view_is_named(person: Person, page: Page):
     for number in (1, 2, 3):
         person.mark(OUTLINE, number)

@@ -18,9 +18,17 @@ export class Pictures {
     const view = this.views[number];
     if (view.tag === tag) return;
     view.tag = tag;
-    const answer = await fetch(`overlay/${tag}/${number}.json`);
-    if (!answer.ok || view.tag !== tag) return;
-    const overlay = await answer.json();
+    let overlay;
+    try {
+      const answer = await fetch(`overlay/${tag}/${number}.json`);
+      if (!answer.ok) return;
+      overlay = await answer.json();
+    } catch {
+      // The program has ended, perhaps only for now: ask again with the next state.
+      if (view.tag === tag) view.tag = undefined;
+      return;
+    }
+    if (view.tag !== tag) return;
     overlay.regions = this.load(overlay.regions_png);
     overlay.edges = this.load(overlay.edges_png);
     overlay.paths = fragmentPaths(overlay);
