@@ -100,7 +100,7 @@ class Development:
 
         Args:
             T_world_part: 4x4 pose.
-            view: the number of that view.
+            view: the number of that view, in practice the one whose ellipse or arc made the hypothesis.
             inplane: whether the rotation about the part's axis is known.
         """
         moved = self._moved_in_depth(
