@@ -31,7 +31,11 @@ INPLANE_STEP_PX = 1.5
 CLAIM_SUPPORT = 0.3
 CLAIMED_SHARE = 0.3  # of an arc, from which it counts as claimed
 CHANCE_SUPPORT = 0.2  # what random edges give
-LEAST_SHOWN = 0.4
+LEAST_SHOWN = 0.4  # a smaller share of the circles that face a view must speak for more than itself
+RIVAL_PX, RIVAL_SUPPORT = 6.0, 0.005  # another rotation, and by how much less it is supported where it is no worse
+RIVAL_COARSE_SUPPORT = 0.05  # the same before it is looked at closely
+MOST_PEAKS = 6
+DEMAND = 1.6  # support that must make up for a share that is not shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,15 +43,16 @@ class Evidence:
     """The edge support of posed models.
 
     Attributes:
-        score: (N,) weighted mean support over all visible circles, 0 to 1.
+        score: (N,) weighted mean support over all circles in sight, 0 to 1, less what a part that shows little lacks.
         salient: (N,) the same over the salient circles only.
-        supporting: (N,) the same over the supporting circles only; NaN where none is visible.
+        promise: (N,) mean support of the salient circles times the share in sight: before a pose is exact, long
+            edges near it promise more than short ones on it.
         views: (N,) number of views whose support is at least half of the best view's.
     """
 
     score: Array
     salient: Array
-    supporting: Array
+    promise: Array
     views: NDArray[np.intp]
 
 
@@ -83,14 +88,15 @@ class SceneEdges:
         # A small hole says as much per pixel as a rim, but a rim is longer: square roots balance the two.
         weight = contour.circle_weight * np.sqrt(seen.sum(axis=1))
         mean = total.sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
-        # What little a part shows must speak for more than itself.
-        shown = seen.sum(axis=(1, 2)) / np.maximum(facing.sum(axis=(1, 2)), 1)
-        trust = np.minimum(shown / LEAST_SHOWN, 1.0)
+        shown = np.minimum(seen.sum(axis=(1, 2)) / np.maximum(facing.sum(axis=(1, 2)), 1), LEAST_SHOWN)
+        # Where only a little is in sight, other edges happen to lie along it more easily.
+        lacking = DEMAND * (LEAST_SHOWN - shown)
+        salient = _weighted_mean(mean, weight * contour.circle_salient)
         of_view = total.sum(axis=2) / np.maximum(seen.sum(axis=2), 1)
         return Evidence(
-            trust * _weighted_mean(mean, weight, 0.0),
-            trust * _weighted_mean(mean, weight * contour.circle_salient, 0.0),
-            trust * _weighted_mean(mean, weight * ~contour.circle_salient, np.nan),
+            np.maximum(_weighted_mean(mean, weight) - lacking, 0.0),
+            np.maximum(salient - lacking, 0.0),
+            salient * shown / LEAST_SHOWN,
             np.count_nonzero(of_view > 0.5 * np.maximum(of_view.max(axis=1, keepdims=True), 0.1), axis=1),
         )
 
@@ -138,7 +144,8 @@ class SceneEdges:
             fold: number of rotations that look the same.
 
         Returns:
-            The turned pose, and whether the best angle stands out from the rest.
+            The turned pose, and whether the best angle stands out from the rest and has no equal: where nothing but
+            some of many like holes is in sight, any of them may be the first.
         """
         lever = contour.asymmetric().reach_m
         if lever == 0:
@@ -147,13 +154,16 @@ class SceneEdges:
         around_px = 2 * np.pi * lever * self.views[0].camera.fx / distance
         least = int(np.ceil(around_px / INPLANE_STEP_PX))
         support = self.inplane_support_all_round(T_world_part, contour, fold, least)
+        peaks = _peaks(support, float(around_px) / fold)
         step = 2 * np.pi / (fold * len(support))
-        fine = int(support.argmax()) * step + np.linspace(-step, step, 9)
-        fine_support = self.inplane_support(T_world_part, contour, fine)
-        angle = fine[int(fine_support.argmax())]
+        angles = peaks[:, None] * step + np.linspace(-step, step, 9)
+        fine = self.inplane_support(T_world_part, contour, angles.ravel()).reshape(angles.shape)
+        best = np.unravel_index(int(fine.argmax()), fine.shape)
+        rivals = np.delete(fine.max(axis=1), best[0])
         spread = float(np.median(np.abs(support - np.median(support)))) * 1.4826
-        stands_out = bool(fine_support.max() - np.median(support) > max(4 * spread, 0.08))
-        return turned(T_world_part, np.array([angle]))[0], stands_out
+        stands_out = fine[best] - np.median(support) > max(4 * spread, 0.08)
+        alone = fine[best] - rivals.max(initial=-np.inf) > RIVAL_SUPPORT
+        return turned(T_world_part, angles[best][None])[0], bool(stands_out and alone)
 
     def observe(
         self, T_world_part: Array, contour: ModelContour, reach_px: float, sigma_px: float = 0.3
@@ -235,6 +245,23 @@ def _stacked(images: Sequence[NDArray[np.float32]], beyond: float) -> NDArray[np
     return out
 
 
-def _weighted_mean(values: Array, weights: Array, empty: float) -> Array:
+def _peaks(support: Array, around_px: float) -> NDArray[np.intp]:
+    """Numbers of the best of evenly spaced angles, and of others like it that are no neighbours, best first.
+
+    Args:
+        support: (A,) of angles over one period.
+        around_px: length of the period where the features are.
+    """
+    best = support.max()
+    summit = (support >= np.roll(support, 1)) & (support >= np.roll(support, -1))
+    order = np.flatnonzero(summit & (support > best - RIVAL_COARSE_SUPPORT))
+    order = order[np.argsort(-support[order], kind="stable")]
+    apart = np.abs(order - order[0]) * around_px / len(support)
+    other = np.minimum(apart, around_px - apart) > RIVAL_PX
+    return np.asarray(order[other | (np.arange(len(order)) == 0)][:MOST_PEAKS], np.intp)
+
+
+def _weighted_mean(values: Array, weights: Array) -> Array:
+    """Means (N,) of values (N, C); 0 where all weights are."""
     total = weights.sum(axis=1)
-    return np.where(total > 0, (values * weights).sum(axis=1) / np.where(total > 0, total, 1.0), empty)
+    return np.asarray((values * weights).sum(axis=1) / np.where(total > 0, total, 1.0))

@@ -111,11 +111,17 @@ class Development:
         self.scene.align(best, self.contour, self.parameters.rim_reach_px, inplane=inplane)
         return np.asarray(best[0])
 
+    def aligned(self, T_world_part: Array, *, inplane: bool) -> Array:
+        """A pose corrected by the edges along all its circles, of which a first correction used the salient ones."""
+        poses = T_world_part[None].copy()
+        self.scene.align(poses, self.contour, self.parameters.whole_reach_px, inplane=inplane)
+        return np.asarray(poses[0])
+
     def _pool(self, poses: Array, matches: Indices, seed: Indices) -> HypothesisPool:
         return HypothesisPool.of(poses, matches, seed, self.scene.evidence(poses, self.contour.salient()).salient)
 
     def _loose_support(self, poses: Array) -> Array:
-        return self.scene.evidence(poses, self.contour.sparse(), self.parameters.loose_reach_px).salient
+        return self.scene.evidence(poses, self.contour.sparse(), self.parameters.loose_reach_px).promise
 
     def _at_best_depth(self, poses: Array, seed: Indices) -> Array:
         """Poses moved along the line of sight of the view that made them to where all views show the most edges.

@@ -13,7 +13,7 @@ from vision.arcs import Arc
 from vision.body import share_inside
 from vision.camera import View
 from vision.candidates import Candidates, SalientCircles, Workspace, find_candidates
-from vision.confirmation import SceneEdges
+from vision.confirmation import Evidence, SceneEdges
 from vision.development import CLASHING_SHARE, Development
 from vision.ellipse_observations import observe_ellipses
 from vision.ellipse_table import EllipseTable
@@ -75,13 +75,14 @@ class Matcher:
             allowed = candidates.preferred if number == 0 else np.ones(len(candidates), bool)
             chosen = development.promising(candidates, allowed)
             pool = pool.joined(development.of_candidates(candidates.take(chosen), table))
-            found, pool = self._accept(pool, minimum_score, features, development)
+            found, pool = self._accept(pool, minimum_score, features, development, accepted)
             accepted += found
             candidates = self._untried(candidates, chosen, accepted)
         if any(map(len, arcs)) and self.workspace is not None:
             known = [e.T_world_part.as_matrix() for e in accepted]
             pool = pool.joined(development.of_arcs(arcs, self.workspace, table, known))
-            accepted += self._accept(pool, self.parameters.minimum_scores[-1], features, development)[0]
+            least = self.parameters.minimum_scores[-1]
+            accepted += self._accept(pool, least, features, development, accepted)[0]
         return sorted(accepted, key=lambda e: -e.score)
 
     def _untried(
@@ -106,7 +107,12 @@ class Matcher:
         return ModelContour.of(self.model, self.views[0].camera.fx / distance)
 
     def _accept(
-        self, pool: HypothesisPool, minimum_score: float, features: Features, development: Development
+        self,
+        pool: HypothesisPool,
+        minimum_score: float,
+        features: Features,
+        development: Development,
+        known: Sequence[PoseEstimate],
     ) -> tuple[list[PoseEstimate], HypothesisPool]:
         """Greedily accept the best supported hypothesis, let it claim its edges, and weigh the rest again.
 
@@ -124,12 +130,25 @@ class Matcher:
                 pool = pool.joined(self._turn(chosen, development))
                 continue
             final = self._finish(chosen, features, contour)
-            if final is None:
+            if final is None or not self._stands(final, minimum_score, [*known, *accepted]):
                 continue
             accepted.append(final)
             self.scene.claim(final.T_world_part.as_matrix(), contour, self.model)
             pool = self._left_over(pool, final.T_world_part.as_matrix(), contour)
         return accepted, pool
+
+    def _stands(self, final: PoseEstimate, minimum_score: float, known: Sequence[PoseEstimate]) -> bool:
+        """Whether a refined pose is still supported, and has not run into a part that is known already.
+
+        Where nothing is known of the scene, an ellipse may be a circle too small and too near that one view shows.
+        """
+        if self.workspace is None and final.views == 1 < len(self.views):
+            return False
+        separation = self.parameters.minimum_separation * self.model.diameter_m
+        origin = final.T_world_part.translation
+        return final.score >= minimum_score and all(
+            np.linalg.norm(origin - other.T_world_part.translation) > separation for other in known
+        )
 
     def _turn(self, hypothesis: HypothesisPool, development: Development) -> HypothesisPool:
         """Settle the rotation about the axis by the supporting features, which then count as well."""
@@ -139,13 +158,19 @@ class Matcher:
             return replace(hypothesis, turned=yes)
         T, known = self.scene.find_inplane(hypothesis.poses[0], development.contour, fold)
         evidence = self.scene.evidence(T[None], development.contour)
+        least, most = self.parameters.doubtful_scores
+        if least < evidence.score[0] < most:
+            T, evidence = self._better(T, evidence, development.aligned(T, inplane=known), development.contour)
         if evidence.views[0] == 1 < len(self.views):
             moved = development.supported_by_others(T, int(hypothesis.seed[0, 0]), inplane=known)
-            better = self.scene.evidence(moved[None], development.contour)
-            if better.score[0] > evidence.score[0]:
-                T, evidence = moved, better
+            T, evidence = self._better(T, evidence, moved, development.contour)
         turned = replace(hypothesis, poses=T[None], turned=yes, inplane_known=np.array([known]))
         return turned.weighed(np.array([0]), evidence)
+
+    def _better(self, T: Array, evidence: Evidence, T_other: Array, contour: ModelContour) -> tuple[Array, Evidence]:
+        """The better supported of two poses (4, 4), with its evidence."""
+        other = self.scene.evidence(T_other[None], contour)
+        return (T_other, other) if other.score[0] > evidence.score[0] else (T, evidence)
 
     def _left_over(self, pool: HypothesisPool, T_found: Array, contour: ModelContour) -> HypothesisPool:
         """The hypotheses that are not the part just found, those near it weighed without the edges it claimed."""

@@ -15,6 +15,8 @@ class MatchingParameters:
         minimum_separation: distance of two parts below which one of them is a duplicate, in part diameters.
         reach_px: how far from the projected model edges are looked for, iteration by iteration.
         rim_reach_px: the same for the first correction of a candidate.
+        whole_reach_px: the same where all circles correct a doubtful hypothesis once more.
+        doubtful_scores: between them a hypothesis is doubtful.
         loose_reach_px: tolerance with which candidates are first weighed by the edges near them.
         depth_shares: relative changes of the distance that are tried for a candidate.
         far_depth_shares: the same for a pose that only one view supports.
@@ -27,6 +29,8 @@ class MatchingParameters:
     minimum_separation: float = 0.12
     reach_px: tuple[float, ...] = (2.5, 1.5, 1.5)
     rim_reach_px: tuple[float, ...] = (6.0, 4.0, 3.0)
+    whole_reach_px: tuple[float, ...] = (4.0, 2.5)
+    doubtful_scores: tuple[float, float] = (0.25, 0.6)
     loose_reach_px: float = 7.0
     depth_shares: tuple[float, ...] = (0.0, -0.02, -0.015, -0.01, -0.005, 0.005, 0.01, 0.015, 0.02)
     far_depth_shares: tuple[float, ...] = tuple(0.0025 * step for step in range(-16, 17))

@@ -34,7 +34,8 @@ def evidence_of(scene, T, contour):
     """Evidence of a single pose (RigidTransform or 4x4), as plain numbers."""
     matrix = T.as_matrix() if isinstance(T, RigidTransform) else T
     evidence = scene.evidence(matrix[None], contour)
-    return SimpleNamespace(**{name: value[0] for name, value in vars(evidence).items()})
+    supporting = scene.evidence(matrix[None], contour.asymmetric()).score
+    return SimpleNamespace(**{name: value[0] for name, value in vars(evidence).items()}, supporting=supporting[0])
 
 
 def angle_between(a, b, fold):
@@ -69,7 +70,7 @@ def test_a_back_is_not_taken_for_a_front(pose, photograph, contour):
     scene = edges_of(photograph([back]))
     truth, flipped = (evidence_of(scene, T, contour) for T in (back, back * FLIP))
     assert truth.score > 0.9
-    assert np.isnan(truth.supporting)
+    assert truth.supporting == 0
     assert flipped.score < 0.75 * truth.score
     assert flipped.supporting < 0.3
 
@@ -115,6 +116,21 @@ def test_rotation_stays_unknown_where_no_supporting_feature_is_seen(pose, photog
     back = pose(4, -6, 1, about=(185, 6, 0))
     _, known = edges_of(photograph([back])).find_inplane(back.as_matrix(), contour, fold=3)
     assert not known
+
+
+def test_rotation_stays_unknown_where_several_are_supported_alike(front, photograph, contour):
+    _, known = edges_of(photograph([front])).find_inplane(front.as_matrix(), contour, fold=1)
+    assert not known
+
+
+def test_what_little_a_part_shows_must_speak_for_more_than_itself(front, photograph, contour, pose, plate):
+    behind = pose(9, 7, -20) * front
+    scene = edges_of(photograph([behind, front]))
+    scene.claim(front.as_matrix(), contour, plate)
+    hidden = evidence_of(scene, behind, contour)
+    alone = evidence_of(edges_of(photograph([behind])), behind, contour)
+    assert 0.3 < hidden.score < alone.score - 0.1
+    assert hidden.promise < alone.promise
 
 
 def test_claimed_edges_no_longer_support(front, photograph, contour, pose, plate):

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from vision.candidates import Workspace
 from vision.errors import InputError
 from vision.localizer import EllipseLocalizer, Localization, Localizer
+from vision.matching_parameters import MatchingParameters
 
 WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))
 
@@ -117,6 +118,13 @@ def test_without_a_workspace_the_plates_are_still_found(dual, scene, photograph)
     estimates = dual.localize(photograph(scene)).estimates
     for truth in scene:
         assert nearest(estimates, truth)[1] < 0.05
+
+
+@pytest.mark.parametrize("workspace", [WORKSPACE, None])
+def test_nothing_is_found_but_the_plates(workspace, dual, scene, photograph):
+    estimates = dual.localize(photograph(scene), workspace).estimates
+    assert len(estimates) == len(scene)
+    assert all(e.score >= MatchingParameters().minimum_scores[-1] for e in estimates)
 
 
 def test_input_is_left_as_it_was(dual, scene, photograph):
