@@ -97,10 +97,13 @@ def region_ellipses(
         raise InputError(
             "image", got=gray.shape, expected=f"the shape that was segmented, {segmentation.labels.shape}"
         )
-    regions = segmentation.prune(constraints or AttributeConstraints())
+    constraints = constraints or AttributeConstraints()
+    regions = segmentation.prune(constraints)
     outer = [(region.contour, False, region.attributes) for region in regions]
     inner = [(hole, True, region.attributes) for region in regions for hole in region.holes]
-    shortest = np.pi * fit.min_semi_axis_px
+    # A contour has up to a third fewer points than pixels of length: its diagonal steps are longer than one.
+    least_px, _ = constraints.perimeter_px or (0.0, np.inf)
+    shortest = max(np.pi * fit.min_semi_axis_px, least_px / np.sqrt(2))
     # Outer boundaries first: an ellipse that two regions share gets the attributes of the region inside it.
     candidates = [c for c in outer + inner if len(c[0]) > shortest]
     slopes = gradient(gray, growing.blur_px)
