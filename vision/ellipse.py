@@ -141,6 +141,18 @@ class Ellipse:
         gradient = (homogeneous @ self.conic)[:, :2]
         return np.asarray(gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-12))
 
+    def variance_across(self, points: ArrayLike) -> Array:
+        """Variance (N,) in px² of where the outline runs, across itself, at points (N, 2) on it; 0 if not known.
+
+        Small along the arc that was seen and large on the other side of the ellipse.
+        """
+        points = np.atleast_2d(np.asarray(points, dtype=float))
+        if self.covariance is None:
+            return np.zeros(len(points))
+        J = focal_jacobian(self.p, points)
+        steepness = np.maximum(np.linalg.norm(J[:, :2] + J[:, 2:4], axis=1), 1e-3)
+        return np.einsum("ij,jk,ik->i", J, self.covariance, J) / steepness**2
+
     def overlap(self, other: Ellipse) -> float:
         """Intersection over union of the two filled ellipses, by rasterising at sub-pixel resolution."""
         return overlap(self, other)

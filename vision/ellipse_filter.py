@@ -27,14 +27,15 @@ class FilterParameters:
         noise_floor_px: smallest standard deviation of an edge point across the edge.
         correlation_px: distance along an edge over which the errors of edge points are correlated. White noise
             smoothed with a Gaussian of deviation t has the correlation exp(-d² / 4t²), whose integral is
-            t sqrt(4 pi): 3.5 px for t = 1 px. Points that lie closer count for less.
+            t sqrt(4 pi): 4.3 px for a Gaussian of 1 px and the Sobel operator (variance 1/2 along the edge). Points
+            that lie closer count for less.
         gate: points further off than this many standard deviations are left out.
         prior_px: standard deviation of each component of the initial estimate.
         iterations: largest number of linearisations.
     """
 
     noise_floor_px: float = 0.03
-    correlation_px: float = 3.5
+    correlation_px: float = 4.3
     gate: float = 3.0
     prior_px: float = 20.0
     iterations: int = 5

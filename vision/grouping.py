@@ -253,7 +253,7 @@ def _filter_survivors(
     known = np.empty((len(numbers), 5))
     scores = quality[:, SCORE]
     for k in np.argsort(-scores, kind="stable"):
-        points = unshrink(ps[k], edges.points[numbers[k]], parameters.edges.total_smoothing_px)
+        points = unshrink(ps[k], edges.settled(numbers[k]), parameters.edges.total_smoothing_px)
         result = _filtered(ps[k], points, parameters)
         if result is None or result.fitting_error_px > parameters.max_error_px:
             continue

@@ -33,8 +33,9 @@ _SPACING = 3
 _CAMERA_AND_SOBEL_VARIANCE = 0.9
 """Blur besides that of edge detection, in px²: Sobel's kernel 0.46, the pixel's area 0.08, a lens of 0.6 px."""
 
-_CORRELATION = 0.2
-"""Of the errors of neighbouring boundary points, 3 px apart: noise blurred by 1.2 px, exp(-3² / (4 * 1.2²))."""
+_CORRELATION = 0.31
+"""Of the errors of neighbouring boundary points, 3 px apart: noise blurred by 1.2 px and by Sobel's kernel (variance
+1/2 along the edge), exp(-3² / (4 * (1.2² + 0.5)))."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class BoundaryFit:
     """
 
     tolerance_px: float = 1.2
-    sigma_px: float = 0.05
+    sigma_px: float = 0.03
     max_rms_px: float = 0.5
     min_support: float = 0.3
     min_semi_axis_px: float = 4.0
