@@ -18,9 +18,11 @@ from vision.alignment import align_on_edges
 from vision.arcs import Arc
 from vision.body import cover
 from vision.camera import View, camera_arrays
+from vision.edge_support import tally_support
 from vision.evidence import EdgeField
-from vision.model_contour import COVER_BLOCK_PX, ModelContour, tally_support
+from vision.model_contour import ModelContour
 from vision.pose import Observations
+from vision.visibility import COVER_BLOCK_PX
 from vision.vision_model import VisionModel
 
 Array = NDArray[np.float64]
@@ -63,7 +65,7 @@ class SceneEdges:
         """
         self.views, self.fields = views, fields
         self.cameras = camera_arrays(views)
-        self._distance = _stacked([f.distance for f in fields], np.inf)
+        self._distance = _stacked([f.distance for f in fields], np.inf)  # the same where an edge is claimed
         self._direction = _stacked([f.direction for f in fields], 0.0)
         self._nearest = _stacked([f.nearest for f in fields], -1.0)
         self._claimed: Mask = np.zeros(self._distance.shape, bool)
@@ -73,6 +75,8 @@ class SceneEdges:
 
     def forget_claims(self) -> None:
         """Set all edges free."""
+        if self._claimed.any():
+            self._distance = _stacked([f.distance for f in self.fields], np.inf)
         self._claimed[:] = False
         self._cover[:] = np.inf
 
@@ -102,9 +106,8 @@ class SceneEdges:
         Returns:
             (N,) False where too few edges were in reach.
         """
-        samples = (contour.points, contour.tangents, contour.normals, contour.circle, contour.rims)
         edges = (self._direction, self._nearest, self._claimed, self._cover)
-        return align_on_edges(poses, self.cameras, samples, edges, np.array(reaches_px), inplane)
+        return align_on_edges(poses, self.cameras, contour.samples, edges, np.array(reaches_px), inplane)
 
     def inplane_support(self, T_world_part: Array, contour: ModelContour, angles: Array) -> Array:
         """Mean support (A,) of the circles that tell the rotation about z, at each of the angles (A,)."""
@@ -186,6 +189,7 @@ class SceneEdges:
             x, y = np.round(projection.pixels[support > CLAIM_SUPPORT]).astype(np.intp).T
             mine[y, x] = 1
             self._claimed[v] |= cv2.dilate(mine, np.ones((2 * width_px + 1,) * 2, np.uint8)) > 0
+            self._distance[v][self._claimed[v]] = np.inf
 
     def unclaimed(self, view: int, arcs: Sequence[Arc], most: int) -> list[Arc]:
         """The first arcs of a view, at most so many, of which most points have not been claimed."""
@@ -196,9 +200,8 @@ class SceneEdges:
         """Sum of the support (N, V, C), and number of the samples (N, V, C, 2) in sight, and of all that face it."""
         shape = (len(poses), len(self.views), len(contour.circle_weight))
         total, count = np.zeros(shape), np.zeros((*shape, 2))
-        samples = (contour.points, contour.tangents, contour.normals, contour.circle, contour.rims)
-        edges = (self._distance, self._direction, self._claimed, self._cover)
-        tally_support(np.ascontiguousarray(poses), self.cameras, samples, edges, reach_px, total, count)
+        edges = (self._distance, self._direction, self._cover)
+        tally_support(np.ascontiguousarray(poses), self.cameras, contour.samples, edges, reach_px, total, count)
         return total, count
 
     def _is_claimed(self, v: int, pixels: Array) -> Mask:

@@ -1,0 +1,70 @@
+"""The edge support of posed contours: the innermost loop of matching, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from vision.evidence import FULL_ALIGNMENT, LOOSEST_ALIGNMENT
+from vision.visibility import chain, is_covered, list_inside, normal_of, project_samples
+
+
+@njit(cache=True, error_model="numpy")
+def tally_support(  # type: ignore[no-untyped-def]
+    poses, cameras, samples, edges, reach_px, total, count
+):  # pragma: no cover - compiled
+    """Add the edge support of each circle's samples to ``total`` and their number to ``count``.
+
+    The same as :meth:`ModelContour.project` followed by :meth:`vision.evidence.EdgeField.support`, in one pass. View
+    by view, because the edges of one fit into the processor's cache.
+
+    Args:
+        poses: (N, 4, 4) T_world_part.
+        cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
+        samples: of a contour, see :class:`vision.visibility.ContourSamples`.
+        edges: distance (V, H, W), infinite where edges have been claimed, direction (V, H, W, 2), and the depth
+            beyond which parts already found hide what is there, by blocks of pixels.
+        reach_px: tolerance.
+        total: (N, V, C) added to.
+        count: (N, V, C, 2) added to: the samples that nothing known hides, and all that face the camera.
+    """
+    size = len(samples.circle)
+    image, shown = np.empty((3, size)), np.empty(size, np.bool_)
+    listed, near = np.empty(size, np.intp), np.empty(size, np.intp)
+    T_camera_world, intrinsics = cameras
+    T = np.empty((4, 4))
+    for v in range(len(intrinsics)):
+        distance, direction, cover = edges[0][v], edges[1][v], edges[2][v]
+        height, width = distance.shape
+        for n in range(len(poses)):
+            chain(T_camera_world[v], poses[n], T)
+            project_samples(T, intrinsics[v], samples, image, shown)
+            inside = listed[: list_inside(image, shown, width, height, listed)]
+            close = near[: _count(samples, image, inside, distance, cover, reach_px, count[n, v], near)]
+            _add(T, intrinsics[v], samples, image, close, distance, direction, reach_px, total[n, v])
+
+
+@njit(cache=True, error_model="numpy")
+def _count(samples, image, inside, distance, cover, reach_px, count, near):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Count samples circle by circle; write those with an edge near them to ``near``, and return how many."""
+    found = 0
+    for i in inside:
+        u, v = int(np.rint(image[0, i])), int(np.rint(image[1, i]))
+        is_open = not is_covered(cover, image, i, samples.margin_m)
+        count[samples.circle[i], 0] += is_open
+        count[samples.circle[i], 1] += 1.0
+        near[found] = i
+        found += is_open & (distance[v, u] < reach_px)
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def _add(T, intrinsics, samples, image, near, distance, direction, reach_px, total):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Add the support of samples near an edge: the nearer, and the more it runs along the contour, the better."""
+    for i in near:
+        u, v = int(np.rint(image[0, i])), int(np.rint(image[1, i]))
+        nx, ny, length = normal_of(T, intrinsics, samples, i)
+        nearness = (reach_px - distance[v, u]) / (reach_px - 1.0)
+        aligned = abs(direction[v, u, 0] * nx + direction[v, u, 1] * ny) / length
+        share = (aligned - LOOSEST_ALIGNMENT) / (FULL_ALIGNMENT - LOOSEST_ALIGNMENT)
+        total[samples.circle[i]] += min(nearness, 1.0) * min(max(share, 0.0), 1.0)
