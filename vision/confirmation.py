@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,7 +17,8 @@ from vision.alignment import align_on_edges
 from vision.arcs import Arc
 from vision.body import cover
 from vision.camera import View, camera_arrays
-from vision.edge_support import tally_support
+from vision.edge_observations import observe_edges
+from vision.edge_support import claim_edges, tally_support
 from vision.evidence import EdgeField
 from vision.model_contour import ModelContour
 from vision.pose import Observations
@@ -158,38 +158,20 @@ class SceneEdges:
         stands_out = bool(fine_support.max() - np.median(support) > max(4 * spread, 0.08))
         return turned(T_world_part, np.array([angle]))[0], stands_out
 
-    def observe(
-        self, T_world_part: Array, contour: ModelContour, reach_px: float, sigma_px: float = 0.3
-    ) -> Observations:
+    def observe(self, T_world_part: Array, contour: ModelContour, reach_px: float) -> Observations:
         """Sub-pixel edges along the visible circles of a posed model, claimed ones left out."""
-        blocks: list[tuple[NDArray[np.intp], Array, Array, Array, NDArray[np.intp]]] = []
-        for v, (view, field) in enumerate(zip(self.views, self.fields, strict=True)):
-            projection = contour.project(T_world_part, view)
-            free = field.inside(projection.pixels) & ~self._is_claimed(v, projection.pixels)
-            pixels, normals = projection.pixels[free], projection.normals[free]
-            offsets, _ = field.measure(pixels, normals, reach_px)
-            found = np.isfinite(offsets)
-            seen = pixels[found] + offsets[found, None] * normals[found]
-            index = projection.index[free][found]
-            of_view = np.full(len(seen), v, np.intp)
-            blocks.append((of_view, contour.points[index], seen, normals[found], contour.circle[index]))
-        view_index, points, pixels, normals, circle = (np.concatenate([b[k] for b in blocks]) for k in range(5))
-        return Observations(view_index, points, pixels, normals, np.full(len(view_index), sigma_px), circle)
+        claimed = [self._claimed[v, : f.smooth.shape[0], : f.smooth.shape[1]] for v, f in enumerate(self.fields)]
+        fields = list(zip(self.fields, claimed, strict=True))
+        return observe_edges(T_world_part, contour, self.cameras, fields, reach_px)
 
     def claim(self, T_world_part: Array, contour: ModelContour, model: VisionModel, width_px: int = 2) -> None:
         """Mark the edges that a part explains as its own, and what it hides as hidden."""
-        for v, view in enumerate(self.views):
-            reduced = self._reduced[v]
+        for v, reduced in enumerate(self._reduced):
             hidden = self._cover[v, : reduced.height_px, : reduced.width_px]
-            cover(hidden, self.cameras[0][v] @ T_world_part, reduced, model)
-            projection = contour.project(T_world_part, view)
-            support = self.fields[v].support(projection.pixels, projection.normals, REACH_PX)
-            support[self._is_claimed(v, projection.pixels)] = 0
-            mine = np.zeros(self._claimed[v].shape, np.uint8)
-            x, y = np.round(projection.pixels[support > CLAIM_SUPPORT]).astype(np.intp).T
-            mine[y, x] = 1
-            self._claimed[v] |= cv2.dilate(mine, np.ones((2 * width_px + 1,) * 2, np.uint8)) > 0
-            self._distance[v][self._claimed[v]] = np.inf
+            T_camera_part = self.cameras[0][v] @ T_world_part
+            cover(hidden, T_camera_part, reduced, model)
+            edges = (self._distance[v], self._direction[v], self._claimed[v])
+            claim_edges(T_camera_part, self.cameras[1][v], contour.samples, edges, REACH_PX, CLAIM_SUPPORT, width_px)
 
     def unclaimed(self, view: int, arcs: Sequence[Arc], most: int) -> list[Arc]:
         """The first arcs of a view, at most so many, of which most points have not been claimed."""

@@ -60,11 +60,52 @@ def _count(samples, image, inside, distance, cover, reach_px, count, near):  # t
 
 @njit(cache=True, error_model="numpy")
 def _add(T, intrinsics, samples, image, near, distance, direction, reach_px, total):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
-    """Add the support of samples near an edge: the nearer, and the more it runs along the contour, the better."""
+    """Add the support of samples near an edge."""
     for i in near:
         u, v = int(np.rint(image[0, i])), int(np.rint(image[1, i]))
-        nx, ny, length = normal_of(T, intrinsics, samples, i)
-        nearness = (reach_px - distance[v, u]) / (reach_px - 1.0)
-        aligned = abs(direction[v, u, 0] * nx + direction[v, u, 1] * ny) / length
-        share = (aligned - LOOSEST_ALIGNMENT) / (FULL_ALIGNMENT - LOOSEST_ALIGNMENT)
-        total[samples.circle[i]] += min(nearness, 1.0) * min(max(share, 0.0), 1.0)
+        normal = normal_of(T, intrinsics, samples, i)
+        total[samples.circle[i]] += _support(distance[v, u], direction[v, u], normal, reach_px)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _support(distance, direction, normal, reach_px):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Support of a sample by an edge in reach: the nearer, and the more it runs along the contour, the better."""
+    nx, ny, length = normal
+    nearness = (reach_px - distance) / (reach_px - 1.0)
+    aligned = abs(direction[0] * nx + direction[1] * ny) / length
+    share = (aligned - LOOSEST_ALIGNMENT) / (FULL_ALIGNMENT - LOOSEST_ALIGNMENT)
+    return min(nearness, 1.0) * min(max(share, 0.0), 1.0)
+
+
+@njit(cache=True, error_model="numpy")
+def claim_edges(T, intrinsics, samples, edges, reach_px, least, width_px):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Claim the edges in one view that support the samples of a posed contour.
+
+    Args:
+        T: (4, 4) T_camera_part.
+        intrinsics: fx, fy, cx, cy.
+        samples: of the contour.
+        edges: distance (H, W), direction (H, W, 2), claimed (H, W) bool; the first and the last are written to.
+        reach_px: tolerance.
+        least: support of a sample from which its edge is claimed.
+        width_px: how far around such a sample.
+    """
+    distance, direction, claimed = edges
+    height, width = distance.shape
+    size = len(samples.circle)
+    image, shown, mine = np.empty((3, size)), np.empty(size, np.bool_), np.empty((size, 2), np.intp)
+    project_samples(T, intrinsics, samples, image, shown)
+    count = 0
+    for i in np.flatnonzero(shown):
+        x, y = np.rint(image[0, i]), np.rint(image[1, i])
+        if x < 0 or y < 0 or x >= width or y >= height:
+            continue
+        u, v = int(x), int(y)
+        if distance[v, u] < reach_px:
+            support = _support(distance[v, u], direction[v, u], normal_of(T, intrinsics, samples, i), reach_px)
+            mine[count, 0], mine[count, 1] = u, v
+            count += support > least
+    for u, v in mine[:count]:
+        for y in range(max(v - width_px, 0), min(v + width_px + 1, height)):
+            for x in range(max(u - width_px, 0), min(u + width_px + 1, width)):
+                claimed[y, x], distance[y, x] = True, np.inf
