@@ -18,7 +18,7 @@ from vision.arcs import Arc
 from vision.body import cover
 from vision.camera import View, camera_arrays
 from vision.edge_observations import observe_edges
-from vision.edge_support import claim_edges, tally_support
+from vision.edge_support import claim_edges, share_claimed, tally_support
 from vision.evidence import EdgeField
 from vision.model_contour import ModelContour
 from vision.pose import Observations
@@ -175,7 +175,7 @@ class SceneEdges:
 
     def unclaimed(self, view: int, arcs: Sequence[Arc], most: int) -> list[Arc]:
         """The first arcs of a view, at most so many, of which most points have not been claimed."""
-        left = (arc for arc in arcs if self._is_claimed(view, arc.points).mean() < CLAIMED_SHARE)
+        left = (arc for arc in arcs if share_claimed(self._claimed[view], arc.points) < CLAIMED_SHARE)
         return list(islice(left, most))
 
     def _tally(self, poses: Array, contour: ModelContour, reach_px: float) -> tuple[Array, Array]:
@@ -185,13 +185,6 @@ class SceneEdges:
         edges = (self._distance, self._direction, self._cover)
         tally_support(np.ascontiguousarray(poses), self.cameras, contour.samples, edges, reach_px, total, count)
         return total, count
-
-    def _is_claimed(self, v: int, pixels: Array) -> Mask:
-        claimed = self._claimed[v]
-        height, width = claimed.shape
-        columns = np.clip(np.round(pixels[:, 0]), 0, width - 1).astype(np.intp)
-        rows = np.clip(np.round(pixels[:, 1]), 0, height - 1).astype(np.intp)
-        return np.asarray(claimed[rows, columns])
 
 
 def _gain(support: Array, seen: Array) -> Array:

@@ -109,3 +109,15 @@ def claim_edges(T, intrinsics, samples, edges, reach_px, least, width_px):  # ty
         for y in range(max(v - width_px, 0), min(v + width_px + 1, height)):
             for x in range(max(u - width_px, 0), min(u + width_px + 1, width)):
                 claimed[y, x], distance[y, x] = True, np.inf
+
+
+@njit(cache=True)
+def share_claimed(claimed, points):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Share of points (N, 2) in pixels that lie on claimed edges (H, W)."""
+    height, width = claimed.shape
+    count = 0
+    for i in range(len(points)):
+        u = min(max(int(np.rint(points[i, 0])), 0), width - 1)
+        v = min(max(int(np.rint(points[i, 1])), 0), height - 1)
+        count += claimed[v, u]
+    return count / len(points)
