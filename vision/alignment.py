@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from vision.evidence import LOOSEST_ALIGNMENT
-from vision.visibility import eye_of, is_covered, list_inside, normal_of, project_samples, rotated
+from vision.visibility import eye_of, is_covered, list_inside, project_samples, rotated
 
 ROBUST_SCALE = 3.0
 NOISE_FLOOR_PX = 0.1
@@ -102,23 +102,23 @@ def _rows_of_edges(pose, T_camera_world, intrinsics, samples, edges, reach, rows
     direction, nearest, claimed, cover = edges
     height, width = claimed.shape
     size = len(samples.circle)
-    image, shown, listed = np.empty((3, size)), np.empty(size, np.bool_), np.empty(size, np.intp)
+    image, shown = np.empty((5, size)), np.empty(size, np.bool_)
+    pixel, listed = np.empty((2, size), np.int32), np.empty(size, np.intp)
     T = T_camera_world @ pose
     project_samples(T, intrinsics, samples, image, shown)
-    for s in listed[: list_inside(image, shown, width, height, listed)]:
-        if is_covered(cover, image, s, samples.margin_m):
+    for s in listed[: list_inside(image, shown, width, height, pixel, listed)]:
+        column, line, u, w = pixel[0, s], pixel[1, s], image[0, s], image[1, s]
+        if is_covered(cover, column, line, image[2, s] - samples.margin_m):
             continue
-        u, w = image[0, s], image[1, s]
-        column, line = int(np.rint(u)), int(np.rint(w))
         ex, ey = nearest[line, column, 0], nearest[line, column, 1]
         if ex < 0 or (ex - u) ** 2 + (ey - w) ** 2 > (reach + 1.0) ** 2:
             continue
         if claimed[int(np.rint(ey)), int(np.rint(ex))]:
             continue
-        nx, ny, length = normal_of(T, intrinsics, samples, s)
-        if abs(direction[line, column, 0] * nx + direction[line, column, 1] * ny) < LOOSEST_ALIGNMENT * length:
+        nx, ny = image[3, s], image[4, s]
+        if abs(direction[line, column, 0] * nx + direction[line, column, 1] * ny) < LOOSEST_ALIGNMENT:
             continue
-        if abs((ex - u) * nx + (ey - w) * ny) > reach * length:
+        if abs((ex - u) * nx + (ey - w) * ny) > reach:
             continue
         point = (samples.points[0, s], samples.points[1, s], samples.points[2, s])
         tangent = (samples.tangents[0, s], samples.tangents[1, s], samples.tangents[2, s])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vision.evidence import EdgeField, edge_along, profile_weights
 from vision.model_contour import ModelContour
 from vision.pose import Observations
-from vision.visibility import BORDER_PX, chain, normal_of, project_samples
+from vision.visibility import BORDER_PX, chain, project_samples
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ def _observe(T_world_part, T_camera_world, intrinsics, samples, smooth, claimed,
     """Numbers (N,) of the samples with an edge in one view, the edges' pixels and the contour's normals (N, 2)."""
     height, width = claimed.shape
     size = len(samples.circle)
-    T, image, shown = np.empty((4, 4)), np.empty((3, size)), np.empty(size, np.bool_)
+    T, image, shown = np.empty((4, 4)), np.empty((5, size)), np.empty(size, np.bool_)
     index, pixels, normals = np.empty(size, np.intp), np.empty((size, 2)), np.empty((size, 2))
     profile, slope = np.empty(len(weights), np.float32), np.zeros(len(weights), np.float32)
     chain(T_camera_world, T_world_part, T)
@@ -62,8 +62,7 @@ def _observe(T_world_part, T_camera_world, intrinsics, samples, smooth, claimed,
             continue
         if claimed[int(np.rint(v)), int(np.rint(u))]:
             continue
-        nx, ny, length = normal_of(T, intrinsics, samples, i)
-        nx, ny = nx / length, ny / length
+        nx, ny = image[3, i], image[4, i]
         offset, _ = edge_along(smooth, u, v, nx, ny, weights, profile, slope)
         if np.isfinite(offset):
             index[count] = i

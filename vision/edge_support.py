@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from vision.evidence import FULL_ALIGNMENT, LOOSEST_ALIGNMENT
-from vision.visibility import chain, is_covered, list_inside, normal_of, project_samples
+from vision.visibility import chain, is_covered, list_inside, project_samples
 
 
 @njit(cache=True, error_model="numpy")
@@ -29,7 +29,7 @@ def tally_support(  # type: ignore[no-untyped-def]
         count: (N, V, C, 2) added to: the samples that nothing known hides, and all that face the camera.
     """
     size = len(samples.circle)
-    image, shown = np.empty((3, size)), np.empty(size, np.bool_)
+    image, shown, pixel = np.empty((5, size)), np.empty(size, np.bool_), np.empty((2, size), np.int32)
     listed, near = np.empty(size, np.intp), np.empty(size, np.intp)
     T_camera_world, intrinsics = cameras
     T = np.empty((4, 4))
@@ -39,41 +39,34 @@ def tally_support(  # type: ignore[no-untyped-def]
         for n in range(len(poses)):
             chain(T_camera_world[v], poses[n], T)
             project_samples(T, intrinsics[v], samples, image, shown)
-            inside = listed[: list_inside(image, shown, width, height, listed)]
-            close = near[: _count(samples, image, inside, distance, cover, reach_px, count[n, v], near)]
-            _add(T, intrinsics[v], samples, image, close, distance, direction, reach_px, total[n, v])
+            inside = listed[: list_inside(image, shown, width, height, pixel, listed)]
+            close = near[: _count(samples, image, pixel, inside, distance, cover, reach_px, count[n, v], near)]
+            for i in close:
+                column, line = pixel[0, i], pixel[1, i]
+                edge = (distance[line, column], direction[line, column, 0], direction[line, column, 1])
+                total[n, v, samples.circle[i]] += _support(edge, image[3, i], image[4, i], reach_px)
 
 
 @njit(cache=True, error_model="numpy")
-def _count(samples, image, inside, distance, cover, reach_px, count, near):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def _count(samples, image, pixel, inside, distance, cover, reach_px, count, near):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
     """Count samples circle by circle; write those with an edge near them to ``near``, and return how many."""
     found = 0
     for i in inside:
-        u, v = int(np.rint(image[0, i])), int(np.rint(image[1, i]))
-        is_open = not is_covered(cover, image, i, samples.margin_m)
+        column, line = pixel[0, i], pixel[1, i]
+        is_open = not is_covered(cover, column, line, image[2, i] - samples.margin_m)
         count[samples.circle[i], 0] += is_open
         count[samples.circle[i], 1] += 1.0
         near[found] = i
-        found += is_open & (distance[v, u] < reach_px)
+        found += is_open & (distance[line, column] < reach_px)
     return found
 
 
-@njit(cache=True, error_model="numpy")
-def _add(T, intrinsics, samples, image, near, distance, direction, reach_px, total):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
-    """Add the support of samples near an edge."""
-    for i in near:
-        u, v = int(np.rint(image[0, i])), int(np.rint(image[1, i]))
-        normal = normal_of(T, intrinsics, samples, i)
-        total[samples.circle[i]] += _support(distance[v, u], direction[v, u], normal, reach_px)
-
-
 @njit(cache=True, error_model="numpy", inline="always")
-def _support(distance, direction, normal, reach_px):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def _support(edge, nx, ny, reach_px):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
     """Support of a sample by an edge in reach: the nearer, and the more it runs along the contour, the better."""
-    nx, ny, length = normal
+    distance, direction_x, direction_y = edge
     nearness = (reach_px - distance) / (reach_px - 1.0)
-    aligned = abs(direction[0] * nx + direction[1] * ny) / length
-    share = (aligned - LOOSEST_ALIGNMENT) / (FULL_ALIGNMENT - LOOSEST_ALIGNMENT)
+    share = (abs(direction_x * nx + direction_y * ny) - LOOSEST_ALIGNMENT) / (FULL_ALIGNMENT - LOOSEST_ALIGNMENT)
     return min(nearness, 1.0) * min(max(share, 0.0), 1.0)
 
 
@@ -93,7 +86,7 @@ def claim_edges(T, intrinsics, samples, edges, reach_px, least, width_px):  # ty
     distance, direction, claimed = edges
     height, width = distance.shape
     size = len(samples.circle)
-    image, shown, mine = np.empty((3, size)), np.empty(size, np.bool_), np.empty((size, 2), np.intp)
+    image, shown, mine = np.empty((5, size)), np.empty(size, np.bool_), np.empty((size, 2), np.intp)
     project_samples(T, intrinsics, samples, image, shown)
     count = 0
     for i in np.flatnonzero(shown):
@@ -102,9 +95,9 @@ def claim_edges(T, intrinsics, samples, edges, reach_px, least, width_px):  # ty
             continue
         u, v = int(x), int(y)
         if distance[v, u] < reach_px:
-            support = _support(distance[v, u], direction[v, u], normal_of(T, intrinsics, samples, i), reach_px)
+            edge = (distance[v, u], direction[v, u, 0], direction[v, u, 1])
             mine[count, 0], mine[count, 1] = u, v
-            count += support > least
+            count += _support(edge, image[3, i], image[4, i], reach_px) > least
     for u, v in mine[:count]:
         for y in range(max(v - width_px, 0), min(v + width_px + 1, height)):
             for x in range(max(u - width_px, 0), min(u + width_px + 1, width)):

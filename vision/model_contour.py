@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vision.camera import View
 from vision.circle_pose import Circle
 from vision.model_curves import along_circle, along_pattern
-from vision.visibility import ContourSamples, normal_of, project_samples
+from vision.visibility import ContourSamples, project_samples
 from vision.vision_model import VisionModel, turns_about_axis
 
 Array = NDArray[np.float64]
@@ -186,13 +186,7 @@ def _is_before(rim: Circle, side: float, height: float, slack: float) -> bool:
 def _project(T, intrinsics, samples):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
     """Index, pixels and unit normals of the samples in sight."""
     size = len(samples.circle)
-    image, shown = np.empty((3, size)), np.empty(size, np.bool_)
+    image, shown = np.empty((5, size)), np.empty(size, np.bool_)
     project_samples(T, intrinsics, samples, image, shown)
     index = np.flatnonzero(shown)
-    pixels, normals = np.empty((len(index), 2)), np.empty((len(index), 2))
-    for k in range(len(index)):
-        i = index[k]
-        nx, ny, length = normal_of(T, intrinsics, samples, i)
-        pixels[k, 0], pixels[k, 1] = image[0, i], image[1, i]
-        normals[k, 0], normals[k, 1] = nx / length, ny / length
-    return index, pixels, normals
+    return index, image[:2, index].T.copy(), image[3:, index].T.copy()

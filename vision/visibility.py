@@ -46,31 +46,38 @@ def project_samples(T, intrinsics, samples, image, shown):  # type: ignore[no-un
         T: (4, 4) T_camera_part.
         intrinsics: fx, fy, cx, cy.
         samples: of a contour.
-        image: (3, S) pixels and depth of every sample, written to.
+        image: (5, S) of every sample the pixel u, v, the depth, and the unit normal of the contour; written to.
         shown: (S,) bool, written to.
     """
     fx, fy, cx, cy = intrinsics
-    xx, xy, xz, x0 = T[0]
-    yx, yy, yz, y0 = T[1]
-    zx, zy, zz, z0 = T[2]
+    xx, xy, xz, x0 = T[0, 0], T[0, 1], T[0, 2], T[0, 3]
+    yx, yy, yz, y0 = T[1, 0], T[1, 1], T[1, 2], T[1, 3]
+    zx, zy, zz, z0 = T[2, 0], T[2, 1], T[2, 2], T[2, 3]
     eye = eye_of(T)
-    # Row by row: unpacked at one go their layout is unknown to the compiler, which then takes them one by one.
-    px, py, pz = samples.points[0], samples.points[1], samples.points[2]
-    ux, uy, uz = samples.normals[0], samples.normals[1], samples.normals[2]
+    points, tangents, normals, rims = samples.points, samples.tangents, samples.normals, samples.rims
     for i in range(len(shown)):
-        x = xx * px[i] + xy * py[i] + xz * pz[i] + x0
-        y = yx * px[i] + yy * py[i] + yz * pz[i] + y0
-        z = zx * px[i] + zy * py[i] + zz * pz[i] + z0
-        nx = xx * ux[i] + xy * uy[i] + xz * uz[i]
-        ny = yx * ux[i] + yy * uy[i] + yz * uz[i]
-        nz = zx * ux[i] + zy * uy[i] + zz * uz[i]
-        image[0, i], image[1, i], image[2, i] = fx * x / z + cx, fy * y / z + cy, z
-        grazing = -(nx * x + ny * y + nz * z) <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z)
-        shown[i] = (z > 1e-3) & (not grazing)
-    for k in range(len(samples.rims)):
-        radius, height = samples.rims[k, 0], samples.rims[k, 1]
+        px, py, pz = points[0, i], points[1, i], points[2, i]
+        ux, uy, uz = normals[0, i], normals[1, i], normals[2, i]
+        vx, vy, vz = tangents[0, i], tangents[1, i], tangents[2, i]
+        x = xx * px + xy * py + xz * pz + x0
+        y = yx * px + yy * py + yz * pz + y0
+        z = zx * px + zy * py + zz * pz + z0
+        nx = xx * ux + xy * uy + xz * uz
+        ny = yx * ux + yy * uy + yz * uz
+        nz = zx * ux + zy * uy + zz * uz
+        facing = -(nx * x + ny * y + nz * z)
+        shown[i] = (z > 1e-3) & (facing > 0) & (facing * facing > GRAZING_COSINE**2 * (x * x + y * y + z * z))
+        x, y = x / z, y / z
+        tx = xx * vx + xy * vy + xz * vz
+        ty = yx * vx + yy * vy + yz * vz
+        tz = zx * vx + zy * vy + zz * vz
+        du, dv = fx * (tx - x * tz), fy * (ty - y * tz)
+        length = max(np.sqrt(du * du + dv * dv), 1e-12)
+        image[0, i], image[1, i], image[2, i] = fx * x + cx, fy * y + cy, z
+        image[3, i], image[4, i] = dv / length, -du / length
+    for k in range(len(rims)):
         for i in range(len(shown)):
-            shown[i] &= not hides(radius[i], height[i], px[i], py[i], pz[i], eye)
+            shown[i] &= not hides(rims[k, 0, i], rims[k, 1, i], points[0, i], points[1, i], points[2, i], eye)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -82,29 +89,32 @@ def hides(radius, height, x, y, z, eye):  # type: ignore[no-untyped-def]  # prag
     wall, a flange behind the hat.
     """
     square, own = radius * radius, x * x + y * y
-    share = (height - z) / (eye[2] - z)
-    across, along = x + share * (eye[0] - x), y + share * (eye[1] - y)
-    crossing = across * across + along * along
-    by_wall = (own < square) & (crossing > (1 + RIM_SLACK) ** 2 * square)
-    by_body = (own >= square) & (crossing < (1 - RIM_SLACK) ** 2 * square)
+    # Where the line crosses the rim's plane, all lengths times its whole rise: so there is no division.
+    rise, part = eye[2] - z, height - z
+    across, along = x * rise + part * (eye[0] - x), y * rise + part * (eye[1] - y)
+    crossing, edge = across * across + along * along, square * rise * rise
+    by_wall = (own < square) & (crossing > (1 + RIM_SLACK) ** 2 * edge)
+    by_body = (own >= square) & (crossing < (1 - RIM_SLACK) ** 2 * edge)
     return by_wall | by_body
 
 
 @njit(cache=True, error_model="numpy")
-def list_inside(image, shown, width, height, listed):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def list_inside(image, shown, width, height, pixel, listed):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
     """Write the numbers of the samples shown inside an image, and return how many there are.
 
     Args:
-        image: (3, S) pixels and depth.
+        image: (5, S) see :func:`project_samples`.
         shown: (S,) bool; those outside the image are deleted.
         width: of the image in pixels.
         height: of the image in pixels.
+        pixel: (2, S) int32, column and line of the samples shown; written to.
         listed: (S,) written to.
     """
     for i in range(len(shown)):
-        u, v = np.rint(image[0, i]), np.rint(image[1, i])
-        across = (u >= BORDER_PX) & (u <= width - 1 - BORDER_PX)
-        shown[i] &= across & (v >= BORDER_PX) & (v <= height - 1 - BORDER_PX)
+        column, line = np.rint(image[0, i]), np.rint(image[1, i])
+        across = (column >= BORDER_PX) & (column <= width - 1 - BORDER_PX)
+        shown[i] &= across & (line >= BORDER_PX) & (line <= height - 1 - BORDER_PX)
+        pixel[0, i], pixel[1, i] = np.int32(column), np.int32(line)
     count = 0
     for i in range(len(shown)):
         listed[count] = i
@@ -113,19 +123,9 @@ def list_inside(image, shown, width, height, listed):  # type: ignore[no-untyped
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def is_covered(cover, image, i, margin_m):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
-    """Whether a sample lies behind parts found, by the depth of their surfaces for each block of pixels."""
-    u, v = int(np.rint(image[0, i])), int(np.rint(image[1, i]))
-    return image[2, i] > cover[v // COVER_BLOCK_PX, u // COVER_BLOCK_PX] + margin_m
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def normal_of(T, intrinsics, samples, i):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
-    """The normal of the projected contour at a sample, x and y, and its length in pixels per metre."""
-    x, y, z = moved(T, (samples.points[0, i], samples.points[1, i], samples.points[2, i]))
-    tx, ty, tz = rotated(T, (samples.tangents[0, i], samples.tangents[1, i], samples.tangents[2, i]))
-    du, dv = intrinsics[0] * (tx - x / z * tz), intrinsics[1] * (ty - y / z * tz)
-    return dv, -du, max(np.sqrt(du * du + dv * dv), 1e-12)
+def is_covered(cover, column, line, depth):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Whether something lies behind parts found, by the depth of their surfaces for each block of pixels."""
+    return depth > cover[line // COVER_BLOCK_PX, column // COVER_BLOCK_PX]
 
 
 @njit(cache=True, fastmath={"contract"})
