@@ -67,7 +67,7 @@ class GroupingParameters:
     min_share: float = 0.12
     max_error_px: float = 0.9
     min_coverage: float = 0.3
-    min_score: float = 0.3
+    min_score: float = 0.33
     min_overlap: float = 0.85
     max_apart_px: float = np.inf
     max_hypotheses: int = 600
@@ -120,7 +120,7 @@ def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | 
     Images with more than 1600 px along a side are halved first, which bounds the time.
 
     The order is that of a score in [0, 1]: the probability of a true ellipse by a logistic model of coverage,
-    accuracy, size and surroundings (see ``vision/ellipse_score.py``).
+    accuracy, size and surroundings (see ``vision/ellipse_score.py``), raised by concentric neighbours.
 
     Args:
         gray: (H, W) uint8 grey levels; (H, W, 3) RGB is converted.
@@ -218,8 +218,7 @@ def group_edges(
     )
     edge_field = EdgeField.of(edges)
     ps, quality = verify_hypotheses(ps, groups, edge_field, points, limits, parameters.max_attempts)
-    order = np.argsort(-quality[:, SCORE], kind="stable")
-    chosen, numbers, quality = select_survivors(ps, order, edge_field, limits)
+    chosen, numbers, quality = select_survivors(ps, quality[:, SCORE], edge_field, limits)
     features = _filter_survivors(ps[chosen], numbers, quality, edges, parameters)
     return Grouping(edges, table, tuple(features), parameters.tolerance_px)
 
