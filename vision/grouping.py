@@ -28,6 +28,7 @@ _MIN_COARSE_PX = 64
 _MIN_COARSE_SEMI_MAJOR_PX = 5.0
 _MIN_COARSE_SCORE = 0.3
 _MAX_COARSE_HYPOTHESES, _MAX_COARSE_ATTEMPTS = 400, 80  # less is left to be found there
+_COARSE_HYSTERESIS = 0.5  # there is less noise there, and more of a faint outline can be followed
 _COARSE_OVERLAP = 0.75  # half the resolution does not tell the two edges of a rim apart
 
 
@@ -151,6 +152,7 @@ def _coarse(parameters: GroupingParameters) -> GroupingParameters:
     """The parameters of the look at half the resolution."""
     return replace(
         parameters,
+        edges=replace(parameters.edges, hysteresis=min(parameters.edges.hysteresis, _COARSE_HYSTERESIS)),
         min_score=max(parameters.min_score, _MIN_COARSE_SCORE),
         max_hypotheses=min(parameters.max_hypotheses, _MAX_COARSE_HYPOTHESES),
         max_attempts=min(parameters.max_attempts, _MAX_COARSE_ATTEMPTS),
