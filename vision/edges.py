@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 _FIXED_POINT = 16
 _UNIT = 256.0  # Canny's upper threshold, in gradients divided by the local threshold
 _STRIDE = 4  # of the pixels from which local thresholds are computed
+_MAX_STRONG_SHARE = 0.25  # of the image: where more of it is above the upper limit of the threshold, the limit rises
 _SOBEL_GAIN = 8.0  # response of the 3x3 Sobel operator to a ramp of one grey level per pixel
 
 
@@ -37,7 +38,8 @@ class EdgeParameters:
         clutter_factor: and at least this many times the mean gradient of the neighbourhood.
         window_px: width of that neighbourhood.
         min_contrast: lower limit of the upper threshold, grey levels per pixel.
-        max_contrast: upper limit of the upper threshold, grey levels per pixel.
+        max_contrast: upper limit of the upper threshold, grey levels per pixel; more where a quarter of the image
+            exceeds it, which bounds the time in texture.
         hysteresis: Canny's lower threshold over the upper one.
         min_length_px: chains with fewer points are dropped.
         max_gap_px: gaps up to this length are bridged along the tangent.
@@ -216,8 +218,10 @@ def _balance(
     noise = float(sample[int(0.3 * (sample.size - 1))])
     window = 2 * max(int(parameters.window_px / _STRIDE / 2), 1) + 1
     local = cv2.blur(coarse, (window, window), borderType=cv2.BORDER_REFLECT)
-    lower = np.clip(parameters.noise_factor * noise, parameters.min_contrast * unit, parameters.max_contrast * unit)
-    threshold = np.clip(parameters.clutter_factor * local, lower, parameters.max_contrast * unit)
+    upper = parameters.max_contrast * unit
+    lower = np.clip(parameters.noise_factor * noise, parameters.min_contrast * unit, upper)
+    upper = max(upper, float(sample[int((1 - _MAX_STRONG_SHARE) * (sample.size - 1))]))
+    threshold = np.clip(parameters.clutter_factor * local, lower, upper)
     gain = cv2.resize(np.asarray(_UNIT / threshold, np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
     balanced = [cv2.multiply(g, gain, dtype=cv2.CV_16S) for g in (gx, gy)]
     return np.asarray(balanced[0]), np.asarray(balanced[1])
