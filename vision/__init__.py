@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from vision import kernel_cache
 
 if TYPE_CHECKING:
+    from vision.detector import detect_ellipses, find_ellipses
     from vision.edges import EdgeMap, EdgeParameters, detect_edges
-    from vision.grouping import Grouping, GroupingParameters, detect_ellipses, group_edges, group_ellipses
+    from vision.grouping import Grouping, GroupingParameters, group_edges, group_ellipses
 
 kernel_cache.settle()  # before any module with kernels is imported
 
@@ -21,6 +22,7 @@ __all__ = [
     "GroupingParameters",
     "detect_edges",
     "detect_ellipses",
+    "find_ellipses",
     "group_edges",
     "group_ellipses",
 ]
@@ -31,7 +33,8 @@ _HOME = {
     "Grouping": "vision.grouping",
     "GroupingParameters": "vision.grouping",
     "detect_edges": "vision.edges",
-    "detect_ellipses": "vision.grouping",
+    "detect_ellipses": "vision.detector",
+    "find_ellipses": "vision.detector",
     "group_edges": "vision.grouping",
     "group_ellipses": "vision.grouping",
 }

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.edges import EdgeMap, EdgeParameters, as_gray, detect_edges
-from vision.ellipse import Ellipse
 from vision.ellipse_filter import FilterParameters, FilterResult, distances, fit_ellipse, unshrink
 from vision.ellipse_pairs import is_known
 from vision.ellipse_score import COVERAGE, SCORE
@@ -21,15 +19,6 @@ from vision.hypotheses import PairConstraints, Representatives, fit_hypotheses, 
 from vision.verification import select_survivors, verify_hypotheses
 
 Array = NDArray[np.float64]
-
-# Of the two looks of `detect_ellipses`; the semi-major axis in pixels of the smaller image.
-_MAX_PX = 1600  # longer side; larger images are looked at with half the resolution
-_MIN_COARSE_PX = 64
-_MIN_COARSE_SEMI_MAJOR_PX = 5.0
-_MIN_COARSE_SCORE = 0.3
-_MAX_COARSE_HYPOTHESES, _MAX_COARSE_ATTEMPTS = 400, 80  # less is left to be found there
-_COARSE_HYSTERESIS = 0.5  # there is less noise there, and more of a faint outline can be followed
-_COARSE_OVERLAP = 0.75  # half the resolution does not tell the two edges of a rim apart
 
 
 @dataclass(frozen=True)
@@ -49,11 +38,12 @@ class GroupingParameters:
         min_share: least share of the circumference that the fragments of a pair make up by themselves.
         max_error_px: the same of the supporting points; also the limit of the paper's fitting error.
         min_coverage: least share of the circumference that edges support.
-        min_score: least score of a detection, see :func:`detect_ellipses`.
+        min_score: least score of a detection, see :func:`vision.detector.detect_ellipses`.
         min_overlap: ellipses that overlap by more than this are one,
         max_apart_px: unless their outlines are further apart than this somewhere.
         max_hypotheses: bound on the number of pairs; the longest are kept.
-        max_attempts: bound on the number of hypotheses that are refined; those that most edges support are.
+        max_attempts: bound on the number of hypotheses that are refined in vain; those go first that most edges
+            support.
     """
 
     edges: EdgeParameters = field(default_factory=EdgeParameters)
@@ -113,72 +103,6 @@ class Grouping:
         """For every feature, the numbers of the fragments that form it."""
         points = representatives(self.table, self.edges).points
         return [_members(feature, points, self.tolerance_px) for feature in self.features]
-
-
-def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | None = None) -> Array:
-    """Find the ellipses in a photograph: those that edges show at full resolution, then others at half of it.
-
-    Images with more than 1600 px along a side are halved first, which bounds the time.
-
-    The order is that of a score in [0, 1]: the probability of a true ellipse by a logistic model of coverage,
-    accuracy, size and surroundings (see ``vision/ellipse_score.py``), raised by concentric neighbours.
-
-    Args:
-        gray: (H, W) uint8 grey levels; (H, W, 3) RGB is converted.
-        parameters: thresholds; the defaults are meant for photographs.
-
-    Returns:
-        (N, 5) centre x, centre y, semi-major axis, semi-minor axis in pixels (a whole number is the centre of a
-        pixel), angle of the major axis in radians from x towards y; best first. N may be 0.
-
-    Raises:
-        InputError: when ``gray`` is not an image, see :func:`vision.edges.as_gray`.
-    """
-    parameters = parameters or GroupingParameters()
-    image, factor = _shrunk(as_gray(gray))
-    found = _scaled_ellipses(image, factor, parameters)
-    if min(image.shape) >= _MIN_COARSE_PX:
-        coarse = _coarse(parameters)
-        half = np.asarray(cv2.pyrDown(image), np.uint8)
-        known = np.array([p for _, p in found]).reshape(-1, 5)
-        for score, p in _scaled_ellipses(half, 2 * factor, coarse):
-            if not is_known(p, known, len(known), _COARSE_OVERLAP, np.inf):
-                found.append((score, p))
-        found.sort(key=lambda pair: -pair[0])
-    return np.array([Ellipse(p).geometric for _, p in found]).reshape(-1, 5)
-
-
-def _coarse(parameters: GroupingParameters) -> GroupingParameters:
-    """The parameters of the look at half the resolution."""
-    return replace(
-        parameters,
-        edges=replace(parameters.edges, hysteresis=min(parameters.edges.hysteresis, _COARSE_HYSTERESIS)),
-        min_score=max(parameters.min_score, _MIN_COARSE_SCORE),
-        max_hypotheses=min(parameters.max_hypotheses, _MAX_COARSE_HYPOTHESES),
-        max_attempts=min(parameters.max_attempts, _MAX_COARSE_ATTEMPTS),
-    )
-
-
-def _shrunk(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
-    """The image, halved until it is not too large, and the side of its pixels in those of the given one."""
-    factor = 1
-    while max(image.shape) > _MAX_PX:
-        image, factor = np.asarray(cv2.pyrDown(image), np.uint8), 2 * factor
-    return image, factor
-
-
-def _scaled_ellipses(
-    image: NDArray[np.uint8], factor: int, parameters: GroupingParameters
-) -> list[tuple[float, Array]]:
-    """Score and focal parameters of what is found in a smaller image, where soft and noisy outlines are clear."""
-    if factor > 1:
-        smallest, largest = parameters.size_px or (0.0, factor * float(max(image.shape)))
-        size_px = (max(smallest / factor, _MIN_COARSE_SEMI_MAJOR_PX), largest / factor)
-        if size_px[0] > size_px[1]:
-            return []
-        parameters = replace(parameters, size_px=size_px)
-    # A pixel of the smaller image has its centre on every second, fourth, ... pixel of the larger one.
-    return [(f.score, factor * f.ellipse.p) for f in group_ellipses(image, parameters)]
 
 
 def group_ellipses(

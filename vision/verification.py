@@ -96,7 +96,7 @@ def search(  # type: ignore[no-untyped-def]
     explained = np.full((len(out_ps), fragments), UNKNOWN, np.int8)
     found, attempts = 0, 0
     for h in np.argsort(-first):
-        if first[h] < min_coverage or attempts == max_attempts:
+        if first[h] < min_coverage or attempts - found == max_attempts:
             break
         if _is_explained(groups[h], out_ps, found, rep_points, tolerance, explained):
             continue
@@ -159,12 +159,13 @@ def verify_hypotheses(
         points: representatives of all fragments.
         limits: tolerance in pixels, least cosine between gradient and normal, least score, least coverage,
             largest error in pixels, smallest and largest semi-major axis in pixels.
-        max_attempts: only so many of the most promising hypotheses are refined, which bounds the time in clutter.
+        max_attempts: only so many of the most promising hypotheses are refined in vain, which bounds the time in
+            clutter.
 
     Returns:
         (S, 5) refined focal parameters and (S, 11) quality (columns: see ``ellipse_score.py``).
     """
-    out_ps, out_quality = np.zeros((max_attempts + 1, 5)), np.zeros((max_attempts + 1, QUALITIES))
+    out_ps, out_quality = np.zeros((len(ps) + 1, 5)), np.zeros((len(ps) + 1, QUALITIES))
     found = search(ps, groups, edges, points.points, limits, max_attempts, out_ps, out_quality)
     return out_ps[:found], out_quality[:found]
 

@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 from benchmark.detector.drawings import draw, fill_ellipse
 from benchmark.detector.evaluate import Tally, judge, match
 from benchmark.detector.photographs import PHOTOGRAPHIC
-from vision import GroupingParameters, detect_edges, detect_ellipses, group_edges, group_ellipses
+from vision import GroupingParameters, detect_edges, detect_ellipses, find_ellipses, group_edges, group_ellipses
 from vision.ellipse import Ellipse, overlap
 from vision.errors import InputError
 from vision.regions import region_ellipses
@@ -131,6 +131,25 @@ def test_the_size_limits_of_the_vision_model_are_kept():
     assert len(detect_ellipses(image)) == 2
     (only,) = detect_ellipses(image, GroupingParameters(size_px=(50, 120)))
     assert only[2] == pytest.approx(90, abs=0.2)
+
+
+def test_very_many_ellipses_are_all_found():
+    centres = [(x, y) for x in range(20, 630, 28) for y in range(20, 470, 28)]  # 374 of them
+    discs = [Ellipse.from_geometric(x, y, 11, 10, 0.3) for x, y in centres]
+    found = detect_ellipses(photograph(*((disc, 180.0) for disc in discs)))
+    assert len(match([Ellipse.from_geometric(*row) for row in found], discs)) == len(discs)
+
+
+def test_find_ellipses_tells_score_and_covariance_of_what_detect_ellipses_returns():
+    truth = Ellipse.from_geometric(320, 240, 90, 70, 0.2)
+    soft = cv2.GaussianBlur(photograph((truth, 140.0), noise=0.0), (0, 0), 6.0)  # found at half the resolution
+    noisy = np.clip(soft + np.random.default_rng(0).normal(0, 3, soft.shape), 0, 255).astype(np.uint8)
+    for image in (noisy, photograph((truth, 140.0))):
+        (feature,) = find_ellipses(image)
+        assert np.array_equal([feature.ellipse.geometric], detect_ellipses(image))
+        assert GroupingParameters().min_score <= feature.score <= 1
+        assert np.abs(feature.ellipse.distance(feature.points)).mean() < 0.5
+        assert np.sqrt(feature.ellipse.covariance[4, 4]) < 1
 
 
 def test_edges_can_be_handed_in():
