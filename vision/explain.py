@@ -14,6 +14,7 @@ from vision.drawing import (
     enlarge,
     fragment_strokes,
     group_strokes,
+    halved,
     paint,
     paint_regions,
     plain_strokes,
@@ -27,7 +28,10 @@ from vision.regions import region_ellipses
 from vision.segmentation import segment
 
 FINE_BELOW_PX = 1000
-"""Images narrower than this are drawn at twice their size."""
+"""Images with shorter sides than this are drawn at twice their size."""
+
+LARGEST_PX = 1600
+"""Images with a longer side are halved before anything else, as :func:`vision.grouping.detect_ellipses` does."""
 
 FILTER_POINTS = (4, 8, 16, 32, 64)
 """After how many points the state of the filter is drawn."""
@@ -72,8 +76,8 @@ def explain(image: NDArray[np.generic]) -> tuple[Panel, ...]:
     Raises:
         InputError: when it is not an image, see :func:`vision.edges.as_gray`.
     """
-    gray = as_gray(image)
-    zoom = 2 if gray.shape[1] < FINE_BELOW_PX else 1
+    gray, _ = halved(as_gray(image), LARGEST_PX)
+    zoom = 2 if max(gray.shape) < FINE_BELOW_PX else 1
     segmentation, grouping = segment(gray), group_edges(gray)
     features = region_ellipses(segmentation, gray)
     bounded = {feature.attributes for feature in features}

@@ -18,6 +18,7 @@ from vision.drawing import (
     ellipse_strokes,
     fragment_strokes,
     group_strokes,
+    halved,
     model_strokes,
     paint,
     paint_regions,
@@ -182,13 +183,27 @@ def test_strokes_are_added_checked_and_survive_pickling() -> None:
 
 def test_contact_sheet_has_a_cell_for_each_panel() -> None:
     panels = {str(i): np.full((30, 40, 3), 10 * i, np.uint8) for i in range(1, 5)}
-    sheet = contact_sheet(panels, columns=3, panel_width_px=80)
+    sheet = contact_sheet(panels, columns=3, box_px=80)
     cell_height, cell_width = sheet.shape[0] // 2, sheet.shape[1] // 3
     assert (sheet[cell_height // 2 + 10, cell_width // 2] == 10).all()
     assert (sheet[cell_height + cell_height // 2 + 10, cell_width // 2] == 40).all()
     assert (sheet[-1, -1] == 255).all()
     with pytest.raises(InputError, match="at least one"):
         contact_sheet({})
+
+
+@pytest.mark.parametrize("shape", [(1, 480), (480, 1), (3000, 3), (1, 1), (2000, 1000)])
+def test_contact_sheet_is_as_large_for_a_narrow_image(shape: tuple[int, int]) -> None:
+    sheet = contact_sheet({"a": np.zeros((*shape, 3), np.uint8), "b": np.zeros((*shape, 3), np.uint8)}, box_px=100)
+    assert max(sheet.shape) < 260
+    assert (sheet == 0).all(axis=2).sum() >= 2 * 100
+
+
+def test_an_image_is_halved_until_it_fits() -> None:
+    image = np.zeros((50, 100), np.uint8)
+    smaller, factor = halved(image, 30)
+    assert (smaller.shape, factor) == ((13, 25), 4)
+    assert halved(image, 100)[1] == 1
 
 
 def test_explain_draws_every_stage_of_colour_and_grey_images() -> None:
@@ -206,3 +221,19 @@ def test_explain_draws_every_stage_of_colour_and_grey_images() -> None:
     assert "1 ellipses" in panels[4].title
     colour = explain(np.repeat(image[..., None], 3, axis=2))
     assert all(np.array_equal(a.image, b.image) for a, b in zip(panels, colour, strict=True))
+
+
+@pytest.mark.parametrize("shape", [(1, 480), (480, 1), (3, 3000), (1, 1)])
+def test_explain_draws_narrow_images(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(0)
+    panels = explain(rng.integers(0, 256, shape).astype(np.uint8))
+    assert all(panel.image.size <= 3 * 4 * max(shape) * 3 for panel in panels)
+
+
+@pytest.mark.slow
+def test_explain_looks_at_a_huge_image_at_less_resolution() -> None:
+    image = np.full((4000, 6000), 60, np.uint8)
+    cv2.ellipse(image, (3000, 2000), (1600, 900), 20, 0, 360, 180, -1)
+    panels = explain(image)
+    assert {panel.image.shape for panel in panels} == {(1000, 1500, 3)}
+    assert "1 ellipses" in panels[4].title
