@@ -75,6 +75,11 @@ class ModelContour:
         """Largest distance of a sample from the part's axis; 0 without samples."""
         return float(np.hypot(self.points[:, 0], self.points[:, 1]).max(initial=0.0))
 
+    @cached_property
+    def circle_feature(self) -> NDArray[np.intp]:
+        """(C,) number of the feature that a circle is a copy of: the model's circles first, then its patterns."""
+        return np.asarray(np.cumsum(self.circle_copies > 0) - 1, np.intp)
+
     def asymmetric(self) -> ModelContour:
         """The circles alone that tell the rotation about z; the numbering of the circles stays."""
         return self._asymmetric
