@@ -93,9 +93,9 @@ def ellipse_strokes(features: Sequence[EllipseFeature]) -> Strokes:
     return Strokes(lines, np.array([PROCESS_COLOURS[feature.process] for feature in features], np.uint8))
 
 
-def region_strokes(regions: Sequence[Region]) -> Strokes:
-    """Outer and inner boundaries of regions, a colour for each (Fig. 7)."""
-    colours = region_colours(regions)
+def region_strokes(regions: Sequence[Region], colours: Sequence[Colour] | Image | None = None) -> Strokes:
+    """Outer and inner boundaries of regions, in a colour for each (Fig. 7): those given, or their own."""
+    colours = region_colours(regions) if colours is None else np.array(colours, np.uint8).reshape(-1, 3)
     pairs = [
         (_closed(boundary), colour)
         for region, colour in zip(regions, colours, strict=True)
@@ -125,23 +125,29 @@ def group_strokes(grouping: Grouping) -> Strokes:
     return Strokes(lines, np.array([colour for _, colour in members], np.uint8))
 
 
-def model_strokes(contour: ModelContour, T_world_part: Array, view: View) -> Strokes:
+def model_strokes(
+    contour: ModelContour, T_world_part: Array, view: View, colours: Mapping[int, Colour] | None = None
+) -> Strokes:
     """The circles of a vision model that face the camera, superimposed on a view (Figs. 11 c, 12 b).
 
     Args:
         contour: the sampled model.
         T_world_part: 4x4 pose.
         view: with a distortion-free lens.
+        colours: RGB of the circles to draw, by number; None for all, salient ones brighter.
     """
+    if colours is None:
+        salient = contour.circle_salient.tolist()
+        colours = {n: SALIENT_COLOUR if yes else SUPPORTING_COLOUR for n, yes in enumerate(salient)}
     projection = contour.project(T_world_part, view)
     circle = contour.circle[projection.index]
-    lines, colours = [], []
-    for number in np.unique(circle):
+    lines, of_line = [], []
+    for number in [n for n in np.unique(circle).tolist() if n in colours]:
         mine = np.flatnonzero(circle == number)
         if contour.circle_drawn[number]:
             ticks = _ticks(projection.pixels[mine], projection.normals[mine])
             lines += ticks
-            colours += [SUPPORTING_COLOUR] * len(ticks)
+            of_line += [colours[number]] * len(ticks)
             continue
         samples = projection.index[mine]
         # Samples that turn away from the camera leave gaps, over which no line may run.
@@ -149,8 +155,8 @@ def model_strokes(contour: ModelContour, T_world_part: Array, view: View) -> Str
         if len(samples) == np.count_nonzero(contour.circle == number):
             runs = [_closed(runs[0])]
         lines += runs
-        colours += [SALIENT_COLOUR if contour.circle_salient[number] else SUPPORTING_COLOUR] * len(runs)
-    return Strokes(tuple(lines), np.array(colours, np.uint8))
+        of_line += [colours[number]] * len(runs)
+    return Strokes(tuple(lines), np.array(of_line, np.uint8))
 
 
 def _ticks(pixels: Array, normals: Array) -> list[Array]:

@@ -27,7 +27,6 @@ from vision.drawing import (
 )
 from vision.ellipse import Ellipse
 from vision.errors import InputError
-from vision.explain import explain
 from vision.features import EllipseFeature
 from vision.grouping import group_edges
 from vision.model_contour import ModelContour
@@ -110,6 +109,7 @@ def test_a_region_keeps_its_colour_when_others_are_pruned() -> None:
     last = segmentation.regions[-1]
     everything, alone = region_strokes(segmentation.regions), region_strokes([last])
     assert np.array_equal(everything.colours[-1], alone.colours[-1])
+    assert region_strokes([last], [(1, 2, 3)]).colours[-1].tolist() == [1, 2, 3]
 
 
 @pytest.mark.parametrize("zoom", [1, 2, 3])
@@ -151,6 +151,15 @@ def test_a_model_is_superimposed_where_it_faces_the_camera(facing: float, count:
     for line in strokes.lines:
         assert np.allclose(np.hypot(*(line - (59.5, 49.5)).T), 20.0)
         assert np.array_equal(line[0], line[-1])
+
+
+def test_of_a_model_only_circles_with_a_colour_are_drawn_and_in_that() -> None:
+    camera = Camera(120, 100, 100.0, 100.0, 59.5, 49.5)
+    view = View(np.zeros((100, 120), np.uint8), camera, RigidTransform.identity())
+    T_world_part = RigidTransform.from_translation([0.0, 0.0, 2.0]).as_matrix()
+    contour = circle_contour(0.4, -1.0)
+    assert model_strokes(contour, T_world_part, view, {0: (1, 2, 3)}).colours.tolist() == [[1, 2, 3]]
+    assert len(model_strokes(contour, T_world_part, view, {1: (1, 2, 3)})) == 0
 
 
 def test_a_pattern_is_drawn_in_ticks_along_its_edges() -> None:
@@ -204,36 +213,3 @@ def test_an_image_is_halved_until_it_fits() -> None:
     smaller, factor = halved(image, 30)
     assert (smaller.shape, factor) == ((13, 25), 4)
     assert halved(image, 100)[1] == 1
-
-
-def test_explain_draws_every_stage_of_colour_and_grey_images() -> None:
-    image = disc()
-    panels = explain(image)
-    assert [panel.name for panel in panels] == [
-        "1_edges",
-        "2_regions",
-        "3_region_ellipses",
-        "4_fragments",
-        "5_groups",
-        "6_filter",
-    ]
-    assert {panel.image.shape for panel in panels} == {(200, 240, 3)}
-    assert "1 ellipses" in panels[4].title
-    colour = explain(np.repeat(image[..., None], 3, axis=2))
-    assert all(np.array_equal(a.image, b.image) for a, b in zip(panels, colour, strict=True))
-
-
-@pytest.mark.parametrize("shape", [(1, 480), (480, 1), (3, 3000), (1, 1)])
-def test_explain_draws_narrow_images(shape: tuple[int, int]) -> None:
-    rng = np.random.default_rng(0)
-    panels = explain(rng.integers(0, 256, shape).astype(np.uint8))
-    assert all(panel.image.size <= 3 * 4 * max(shape) * 3 for panel in panels)
-
-
-@pytest.mark.slow
-def test_explain_looks_at_a_huge_image_at_less_resolution() -> None:
-    image = np.full((4000, 6000), 60, np.uint8)
-    cv2.ellipse(image, (3000, 2000), (1600, 900), 20, 0, 360, 180, -1)
-    panels = explain(image)
-    assert {panel.image.shape for panel in panels} == {(1000, 1500, 3)}
-    assert "1 ellipses" in panels[4].title
