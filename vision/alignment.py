@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from vision.evidence import LOOSEST_ALIGNMENT
-from vision.model_contour import COVER_BLOCK_PX, COVER_MARGIN, GRAZING_COSINE, eye_of, moved, passes_rims, rotated
+from vision.visibility import eye_of, is_covered, list_inside, project_samples, rotated
 
 ROBUST_SCALE = 3.0
 NOISE_FLOOR_PX = 0.1
@@ -68,8 +68,7 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
     Args:
         poses: (N, 4, 4) T_world_part; corrected in place.
         cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
-        samples: points, tangents, normals (S, 3), circle numbers (S,) and rims (C, B, 2) of a
-            :class:`vision.model_contour.ModelContour`.
+        samples: of a contour, see :class:`vision.visibility.ContourSamples`.
         edges: direction (V, H, W, 2), nearest edge (V, H, W, 2) as x, y, claimed (V, H, W), and the depth beyond
             which parts already found hide what is there, by blocks of pixels.
         reaches: tolerance in pixels, iteration by iteration.
@@ -79,54 +78,52 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
         (N,) False where too few edges were in reach.
     """
     T_camera_world, intrinsics = cameras
-    points, tangents, normals, circle, rims = samples
-    direction, nearest, claimed, cover = edges
-    height, width = claimed.shape[1:]
     good = np.ones(len(poses), np.bool_)
-    margin = COVER_MARGIN * np.abs(points).max()
-    most = len(T_camera_world) * len(points)
+    most = len(T_camera_world) * len(samples.circle)
     rows, residuals = np.empty((most, 6)), np.empty(most)
     for i in range(len(poses)):
         for reach in reaches:
             count = 0
             for v in range(len(T_camera_world)):
-                T = T_camera_world[v] @ poses[i]
-                fx, fy, cx, cy = intrinsics[v]
-                eye = eye_of(T)
-                for s in range(len(points)):
-                    x, y, z = moved(T, points[s])
-                    nx, ny, nz = rotated(T, normals[s])
-                    facing = -(nx * x + ny * y + nz * z)
-                    if z < 1e-3 or facing <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
-                        continue
-                    if not passes_rims(points[s, 0], points[s, 1], points[s, 2], rims[circle[s]], eye):
-                        continue
-                    u, w = fx * x / z + cx, fy * y / z + cy
-                    column, line = int(np.rint(u)), int(np.rint(w))
-                    if column < 2 or line < 2 or column > width - 3 or line > height - 3:
-                        continue
-                    if z > cover[v, line // COVER_BLOCK_PX, column // COVER_BLOCK_PX] + margin:
-                        continue
-                    ex, ey = nearest[v, line, column]
-                    if ex < 0 or (ex - u) ** 2 + (ey - w) ** 2 > (reach + 1.0) ** 2:
-                        continue
-                    if claimed[v, int(np.rint(ey)), int(np.rint(ex))]:
-                        continue
-                    tx, ty, tz = rotated(T, tangents[s])
-                    du, dw = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
-                    length = max(np.sqrt(du * du + dw * dw), 1e-12)
-                    gx, gy = direction[v, line, column]
-                    if abs(gx * dw - gy * du) < LOOSEST_ALIGNMENT * length:
-                        continue
-                    if abs((ex - u) * dw - (ey - w) * du) > reach * length:
-                        continue
-                    count += projection_row(T, T_camera_world[v], intrinsics[v], points[s], tangents[s],
-                                            nearest[v, line, column], rows, residuals, count)  # fmt: skip
+                of_view = (edges[0][v], edges[1][v], edges[2][v], edges[3][v])
+                count = _rows_of_edges(
+                    poses[i], T_camera_world[v], intrinsics[v], samples, of_view, reach, rows, residuals, count
+                )
             if count < FEWEST_POINTS:
                 good[i] = False
                 break
             _step(poses[i], rows[:count], residuals[:count], inplane)
     return good
+
+
+@njit(cache=True, error_model="numpy")
+def _rows_of_edges(pose, T_camera_world, intrinsics, samples, edges, reach, rows, residuals, count):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Write the rows of the edges nearest to the samples in one view, from row ``count`` on; the next free row."""
+    direction, nearest, claimed, cover = edges
+    height, width = claimed.shape
+    size = len(samples.circle)
+    image, shown = np.empty((5, size)), np.empty(size, np.bool_)
+    pixel, listed = np.empty((2, size), np.int32), np.empty(size, np.intp)
+    T = T_camera_world @ pose
+    project_samples(T, intrinsics, samples, image, shown)
+    for s in listed[: list_inside(image, shown, width, height, pixel, listed)]:
+        column, line, u, w = pixel[0, s], pixel[1, s], image[0, s], image[1, s]
+        if is_covered(cover, column, line, image[2, s] - samples.margin_m):
+            continue
+        ex, ey = nearest[line, column, 0], nearest[line, column, 1]
+        if ex < 0 or (ex - u) ** 2 + (ey - w) ** 2 > (reach + 1.0) ** 2:
+            continue
+        if claimed[int(np.rint(ey)), int(np.rint(ex))]:
+            continue
+        nx, ny = image[3, s], image[4, s]
+        if abs(direction[line, column, 0] * nx + direction[line, column, 1] * ny) < LOOSEST_ALIGNMENT:
+            continue
+        if abs((ex - u) * nx + (ey - w) * ny) > reach:
+            continue
+        point = (samples.points[0, s], samples.points[1, s], samples.points[2, s])
+        tangent = (samples.tangents[0, s], samples.tangents[1, s], samples.tangents[2, s])
+        count += projection_row(T, T_camera_world, intrinsics, point, tangent, (ex, ey), rows, residuals, count)
+    return count
 
 
 @njit(cache=True)

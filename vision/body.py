@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +31,7 @@ def cover(depth: NDArray[np.float32], T_camera_part: Array, camera: Camera, mode
         camera: free of distortion; its size is that of the map.
         model: of the part.
     """
-    rims = _outlines(model, T_camera_part)
+    rims = [rim @ T_camera_part[:3, :3].T + T_camera_part[:3, 3] for rim in _outlines(model)]
     if min(rim[:, 2].min() for rim in rims) <= 0:
         return
     outlines = [_pixels(rim, camera) for rim in rims]
@@ -82,25 +84,31 @@ def _seen_through(
     model: VisionModel, T_camera_part: Array, camera: Camera, corner: tuple[int, int], shape: tuple[int, ...]
 ) -> NDArray[np.bool_]:
     """The pixels that look through the bore: inside both of its rims."""
-    if model.bore is None:
-        return np.zeros(shape, bool)
-    radius = 0.5 * model.bore.diameter_m
-    T_part_bore = model.bore.T_part_bore.as_matrix()
-    through = np.ones(shape, bool)
-    for z in (0.0, model.bore.depth_m):
-        t = np.linspace(0, 2 * np.pi, SAMPLES, endpoint=False)
-        rim = np.column_stack([radius * np.cos(t), radius * np.sin(t), np.full(SAMPLES, z)])
-        T = T_camera_part @ T_part_bore
-        through &= _filled(_pixels(rim @ T[:3, :3].T + T[:3, 3], camera), corner, shape)
+    through = np.full(shape, model.bore is not None)
+    for rim in _bore_rims(model):
+        points = rim @ T_camera_part[:3, :3].T + T_camera_part[:3, 3]
+        through &= _filled(_pixels(points, camera), corner, shape)
     return through
 
 
-def _outlines(model: VisionModel, T_camera_part: Array) -> list[Array]:
+@lru_cache(maxsize=16)
+def _bore_rims(model: VisionModel) -> tuple[Array, ...]:
+    """Points (N, 3) of the rims of the bore, in the part's frame; nothing without a bore."""
+    if model.bore is None:
+        return ()
+    radius, T = 0.5 * model.bore.diameter_m, model.bore.T_part_bore.as_matrix()
+    t = np.linspace(0, 2 * np.pi, SAMPLES, endpoint=False)
+    ring = np.column_stack([radius * np.cos(t), radius * np.sin(t)])
+    rims = [np.column_stack([ring, np.full(SAMPLES, z)]) for z in (0.0, model.bore.depth_m)]
+    return tuple(rim @ T[:3, :3].T + T[:3, 3] for rim in rims)
+
+
+@lru_cache(maxsize=16)
+def _outlines(model: VisionModel) -> tuple[Array, ...]:
     """Points (N, 3) of the salient circles nearly as large as the largest: the outlines of front and back."""
     circles = [f.circle for f in model.salient]
     largest = max(c.radius_m for c in circles)
-    points = [c.sample(SAMPLES) for c in circles if c.radius_m > OUTLINE_SHARE * largest]
-    return [p @ T_camera_part[:3, :3].T + T_camera_part[:3, 3] for p in points]
+    return tuple(c.sample(SAMPLES) for c in circles if c.radius_m > OUTLINE_SHARE * largest)
 
 
 def _pixels(points: Array, camera: Camera) -> Array:

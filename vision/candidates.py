@@ -12,10 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from vision.camera import View, camera_arrays
 from vision.circle_pose import circle_candidates, plane_axes
+from vision.ellipse import conic_matrices
 from vision.ellipse_table import EllipseTable
 from vision.features import EllipseFeature
 from vision.vision_model import VisionModel
@@ -23,6 +25,9 @@ from vision.voting import votes_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
+NEAR = 0.03  # of the part's diameter: candidates nearer to each other, with axes alike, are one
+PARALLEL_RAD = np.radians(8.0)
 
 
 @dataclass(frozen=True)
@@ -76,18 +81,27 @@ class Candidates:
         It is preferred where any of the bunch is.
         """
         n = min(len(self), limit)
-        origin, axis = self.origin[:n], self.axis[:n]
-        alive = np.ones(n, bool)
-        chosen, preferred = [], []
-        for i in range(n):
-            if not alive[i]:
+        preferred = self.preferred[:n].copy()
+        distinct = _distinct(self.origin[:n], self.axis[:n], NEAR * diameter_m, np.cos(PARALLEL_RAD), preferred)
+        chosen = np.flatnonzero(distinct)
+        return replace(self.take(chosen), preferred=preferred[chosen])
+
+
+@njit(cache=True)
+def _distinct(origin, axis, near_m, parallel, preferred):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Which candidates (N,) are not alike one kept before them; those kept are preferred where any like them is."""
+    kept, alike = np.ones(len(origin), np.bool_), preferred.copy()
+    for i in range(len(origin)):
+        if not kept[i]:
+            continue
+        for k in range(len(origin)):
+            x, y, z = origin[k, 0] - origin[i, 0], origin[k, 1] - origin[i, 1], origin[k, 2] - origin[i, 2]
+            if k == i or np.sqrt(x * x + y * y + z * z) >= near_m:
                 continue
-            near = np.linalg.norm(origin - origin[i], axis=1) < 0.03 * diameter_m
-            bunch = near & (axis @ axis[i] > np.cos(np.radians(8)))
-            chosen.append(i)
-            preferred.append(bool(self.preferred[:n][bunch].any()))
-            alive &= ~bunch
-        return replace(self.take(np.array(chosen, dtype=np.intp)), preferred=np.array(preferred, dtype=bool))
+            if axis[k, 0] * axis[i, 0] + axis[k, 1] * axis[i, 1] + axis[k, 2] * axis[i, 2] > parallel:
+                preferred[i] |= alike[k]
+                kept[k] &= k < i
+    return kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +164,7 @@ def _readings(
     for v, (view, found) in enumerate(zip(views, features, strict=True)):
         if not found:
             continue
-        conics = np.stack([f.ellipse.conic for f in found])
+        conics = conic_matrices(np.array([f.ellipse.p for f in found]))
         centres, normals = circle_candidates(conics, view.camera.matrix)
         T = view.T_world_camera.as_matrix()
         normals = normals @ T[:3, :3].T

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,9 +17,12 @@ from vision.alignment import align_on_edges
 from vision.arcs import Arc
 from vision.body import cover
 from vision.camera import View, camera_arrays
+from vision.edge_observations import observe_edges
+from vision.edge_support import claim_edges, share_claimed, tally_support
 from vision.evidence import EdgeField
-from vision.model_contour import COVER_BLOCK_PX, ModelContour, tally_support
+from vision.model_contour import ModelContour
 from vision.pose import Observations
+from vision.visibility import COVER_BLOCK_PX
 from vision.vision_model import VisionModel
 
 Array = NDArray[np.float64]
@@ -72,7 +74,7 @@ class SceneEdges:
         """
         self.views, self.fields = views, fields
         self.cameras = camera_arrays(views)
-        self._distance = _stacked([f.distance for f in fields], np.inf)
+        self._distance = _stacked([f.distance for f in fields], np.inf)  # the same where an edge is claimed
         self._direction = _stacked([f.direction for f in fields], 0.0)
         self._nearest = _stacked([f.nearest for f in fields], -1.0)
         self._claimed: Mask = np.zeros(self._distance.shape, bool)
@@ -82,6 +84,8 @@ class SceneEdges:
 
     def forget_claims(self) -> None:
         """Set all edges free."""
+        if self._claimed.any():
+            self._distance = _stacked([f.distance for f in self.fields], np.inf)
         self._claimed[:] = False
         self._cover[:] = np.inf
 
@@ -114,9 +118,8 @@ class SceneEdges:
         Returns:
             (N,) False where too few edges were in reach.
         """
-        samples = (contour.points, contour.tangents, contour.normals, contour.circle, contour.rims)
         edges = (self._direction, self._nearest, self._claimed, self._cover)
-        return align_on_edges(poses, self.cameras, samples, edges, np.array(reaches_px), inplane)
+        return align_on_edges(poses, self.cameras, contour.samples, edges, np.array(reaches_px), inplane)
 
     def inplane_support(self, T_world_part: Array, contour: ModelContour, angles: Array) -> Array:
         """Mean support (A,) of the circles that tell the rotation about z, at each of the angles (A,)."""
@@ -171,58 +174,33 @@ class SceneEdges:
         alone = fine[best] - rivals.max(initial=-np.inf) > RIVAL_SUPPORT
         return turned(T_world_part, angles[best][None])[0], bool(stands_out and alone)
 
-    def observe(
-        self, T_world_part: Array, contour: ModelContour, reach_px: float, sigma_px: float = 0.3
-    ) -> Observations:
+    def observe(self, T_world_part: Array, contour: ModelContour, reach_px: float) -> Observations:
         """Sub-pixel edges along the visible circles of a posed model, claimed ones left out."""
-        blocks: list[tuple[NDArray[np.intp], Array, Array, Array, NDArray[np.intp]]] = []
-        for v, (view, field) in enumerate(zip(self.views, self.fields, strict=True)):
-            projection = contour.project(T_world_part, view)
-            free = field.inside(projection.pixels) & ~self._is_claimed(v, projection.pixels)
-            pixels, normals = projection.pixels[free], projection.normals[free]
-            offsets, _ = field.measure(pixels, normals, reach_px)
-            found = np.isfinite(offsets)
-            seen = pixels[found] + offsets[found, None] * normals[found]
-            index = projection.index[free][found]
-            of_view = np.full(len(seen), v, np.intp)
-            blocks.append((of_view, contour.points[index], seen, normals[found], contour.circle[index]))
-        view_index, points, pixels, normals, circle = (np.concatenate([b[k] for b in blocks]) for k in range(5))
-        return Observations(view_index, points, pixels, normals, np.full(len(view_index), sigma_px), circle)
+        claimed = [self._claimed[v, : f.smooth.shape[0], : f.smooth.shape[1]] for v, f in enumerate(self.fields)]
+        fields = list(zip(self.fields, claimed, strict=True))
+        return observe_edges(T_world_part, contour, self.cameras, fields, reach_px)
 
     def claim(self, T_world_part: Array, contour: ModelContour, model: VisionModel, width_px: int = 2) -> None:
         """Mark the edges that a part explains as its own, and what it hides as hidden."""
-        for v, view in enumerate(self.views):
-            reduced = self._reduced[v]
+        for v, reduced in enumerate(self._reduced):
             hidden = self._cover[v, : reduced.height_px, : reduced.width_px]
-            cover(hidden, self.cameras[0][v] @ T_world_part, reduced, model)
-            projection = contour.project(T_world_part, view)
-            support = self.fields[v].support(projection.pixels, projection.normals, REACH_PX)
-            support[self._is_claimed(v, projection.pixels)] = 0
-            mine = np.zeros(self._claimed[v].shape, np.uint8)
-            x, y = np.round(projection.pixels[support > CLAIM_SUPPORT]).astype(np.intp).T
-            mine[y, x] = 1
-            self._claimed[v] |= cv2.dilate(mine, np.ones((2 * width_px + 1,) * 2, np.uint8)) > 0
+            T_camera_part = self.cameras[0][v] @ T_world_part
+            cover(hidden, T_camera_part, reduced, model)
+            edges = (self._distance[v], self._direction[v], self._claimed[v])
+            claim_edges(T_camera_part, self.cameras[1][v], contour.samples, edges, REACH_PX, CLAIM_SUPPORT, width_px)
 
     def unclaimed(self, view: int, arcs: Sequence[Arc], most: int) -> list[Arc]:
         """The first arcs of a view, at most so many, of which most points have not been claimed."""
-        left = (arc for arc in arcs if self._is_claimed(view, arc.points).mean() < CLAIMED_SHARE)
+        left = (arc for arc in arcs if share_claimed(self._claimed[view], arc.points) < CLAIMED_SHARE)
         return list(islice(left, most))
 
     def _tally(self, poses: Array, contour: ModelContour, reach_px: float) -> tuple[Array, Array]:
         """Sum of the support (N, V, C), and number of the samples (N, V, C, 2) in sight, and of all that face it."""
         shape = (len(poses), len(self.views), len(contour.circle_weight))
         total, count = np.zeros(shape), np.zeros((*shape, 2))
-        samples = (contour.points, contour.tangents, contour.normals, contour.circle, contour.rims)
-        edges = (self._distance, self._direction, self._claimed, self._cover)
-        tally_support(np.ascontiguousarray(poses), self.cameras, samples, edges, reach_px, total, count)
+        edges = (self._distance, self._direction, self._cover)
+        tally_support(np.ascontiguousarray(poses), self.cameras, contour.samples, edges, reach_px, total, count)
         return total, count
-
-    def _is_claimed(self, v: int, pixels: Array) -> Mask:
-        claimed = self._claimed[v]
-        height, width = claimed.shape
-        columns = np.clip(np.round(pixels[:, 0]), 0, width - 1).astype(np.intp)
-        rows = np.clip(np.round(pixels[:, 1]), 0, height - 1).astype(np.intp)
-        return np.asarray(claimed[rows, columns])
 
 
 def _gain(support: Array, seen: Array) -> Array:

@@ -63,8 +63,9 @@ def link_pixels(
     sides = (margin, margin, margin, margin)
     free, gx, gy = (np.asarray(cv2.copyMakeBorder(a, *sides, cv2.BORDER_CONSTANT, value=0)) for a in (pixels, gx, gy))
     stride = free.shape[1]
-    flags = (free > 0).view(np.int8).ravel()
-    at, offsets, closed = _link(flags, gx.ravel(), gy.ravel(), stride, min_length, max_gap)
+    flags = (free > 0).ravel()
+    starts = np.flatnonzero(flags)  # much faster than Numba's
+    at, offsets, closed = _link(flags.view(np.int8), starts, gx.ravel(), gy.ravel(), stride, min_length, max_gap)
     # Row by row the margin falls away.
     return at - at // stride * (2 * margin) - margin * (pixels.shape[1] + 1), offsets, closed
 
@@ -156,9 +157,8 @@ def _walk(free, gx, gy, at, sign, stride, max_gap, out, count, begin):  # type: 
 
 
 @njit(cache=True)
-def _link(free, gx, gy, stride, min_length, max_gap):  # type: ignore[no-untyped-def]
-    """See :func:`link_pixels`; all arrays flat and with a margin. ``free`` is used up."""
-    starts = np.flatnonzero(free)
+def _link(free, starts, gx, gy, stride, min_length, max_gap):  # type: ignore[no-untyped-def]
+    """See :func:`link_pixels`; all arrays flat and with a margin. ``free``, not 0 at ``starts``, is used up."""
     order, buffer = np.empty(len(starts), np.int64), np.empty(len(starts), np.int64)
     offsets, closed = [0], [False]
     n = 0

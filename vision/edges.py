@@ -7,13 +7,14 @@ straight through and the stem of the T ends there; short gaps, such as Canny lea
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.edge_chains import link_pixels, localise
+from vision.edge_profile import settle
 from vision.errors import InputError
 
 Array = NDArray[np.float64]
@@ -23,6 +24,7 @@ Array = NDArray[np.float64]
 _FIXED_POINT = 16
 _UNIT = 256.0  # Canny's upper threshold, in gradients divided by the local threshold
 _STRIDE = 4  # of the pixels from which local thresholds are computed
+_MAX_STRONG_SHARE = 0.25  # of the image: where more of it is above the upper limit of the threshold, the limit rises
 _SOBEL_GAIN = 8.0  # response of the 3x3 Sobel operator to a ramp of one grey level per pixel
 
 
@@ -36,7 +38,8 @@ class EdgeParameters:
         clutter_factor: and at least this many times the mean gradient of the neighbourhood.
         window_px: width of that neighbourhood.
         min_contrast: lower limit of the upper threshold, grey levels per pixel.
-        max_contrast: upper limit of the upper threshold, grey levels per pixel.
+        max_contrast: upper limit of the upper threshold, grey levels per pixel; more where a quarter of the image
+            exceeds it, which bounds the time in texture.
         hysteresis: Canny's lower threshold over the upper one.
         min_length_px: chains with fewer points are dropped.
         max_gap_px: gaps up to this length are bridged along the tangent.
@@ -61,8 +64,12 @@ class EdgeParameters:
 
     @property
     def total_smoothing_px(self) -> float:
-        """Standard deviation of the Gaussian together with the Sobel operator (variance 1/2 across its mask)."""
-        return float(np.sqrt(self.smoothing_px**2 + 0.5))
+        """Standard deviation of all that blurs an edge.
+
+        The Gaussian, the Sobel operator (variance 1/2 across its mask), the area of a pixel (1/12), and a sharp lens
+        (0.6 px).
+        """
+        return float(np.sqrt(self.smoothing_px**2 + 0.5 + 1 / 12 + 0.36))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +83,8 @@ class EdgeMap:
         offsets: (C + 1,) chain c consists of the points ``offsets[c]:offsets[c + 1]``.
         closed: (C,) True where the end of a chain meets its beginning.
         index: (H, W) int32, the number of the point that lies in a pixel, or -1.
+        gx: (H, W) int16, gradient of the smoothed image along x, in units of its own.
+        gy: the same along y.
     """
 
     points: Array
@@ -84,16 +93,18 @@ class EdgeMap:
     offsets: NDArray[np.int64]
     closed: NDArray[np.bool_]
     index: NDArray[np.int32]
+    gx: NDArray[np.int16]
+    gy: NDArray[np.int16]
 
     def __post_init__(self) -> None:
-        for name in ("points", "gradients", "magnitudes", "offsets", "closed", "index"):
-            array = np.ascontiguousarray(getattr(self, name)).view()
+        for field in fields(self):
+            array = np.ascontiguousarray(getattr(self, field.name)).view()
             array.flags.writeable = False
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, field.name, array)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (EdgeMap, (self.points, self.gradients, self.magnitudes, self.offsets, self.closed, self.index))
+        return (EdgeMap, tuple(getattr(self, field.name) for field in fields(self)))
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
@@ -101,6 +112,14 @@ class EdgeMap:
     def chain(self, number: int) -> Array:
         """(n, 2) points of one chain."""
         return self.points[self.offsets[number] : self.offsets[number + 1]]
+
+    def settled(self, numbers: NDArray[np.int64]) -> Array:
+        """(n, 2) the points of these numbers, to a hundredth of a pixel.
+
+        The points of all chains are some hundredths off, by the direction of the edge; to read the gradient as it
+        takes to be exact is worth the time for the few that form ellipses.
+        """
+        return np.asarray(settle(self.points[numbers], self.gradients[numbers], self.gx, self.gy))
 
     @property
     def endpoints(self) -> Array:
@@ -176,7 +195,7 @@ def detect_edges(gray: NDArray[np.generic], parameters: EdgeParameters | None = 
     index = np.full(image.shape, -1, np.int32)
     index.ravel()[order] = np.arange(len(order), dtype=np.int32)
     magnitudes /= _SOBEL_GAIN * _FIXED_POINT
-    return EdgeMap(points, gradients, magnitudes, offsets, closed, index)
+    return EdgeMap(points, gradients, magnitudes, offsets, closed, index, gx, gy)
 
 
 def image_gradients(image: NDArray[np.uint8], smoothing_px: float) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
@@ -199,8 +218,10 @@ def _balance(
     noise = float(sample[int(0.3 * (sample.size - 1))])
     window = 2 * max(int(parameters.window_px / _STRIDE / 2), 1) + 1
     local = cv2.blur(coarse, (window, window), borderType=cv2.BORDER_REFLECT)
-    lower = np.clip(parameters.noise_factor * noise, parameters.min_contrast * unit, parameters.max_contrast * unit)
-    threshold = np.clip(parameters.clutter_factor * local, lower, parameters.max_contrast * unit)
+    upper = parameters.max_contrast * unit
+    lower = np.clip(parameters.noise_factor * noise, parameters.min_contrast * unit, upper)
+    upper = max(upper, float(sample[int((1 - _MAX_STRONG_SHARE) * (sample.size - 1))]))
+    threshold = np.clip(parameters.clutter_factor * local, lower, upper)
     gain = cv2.resize(np.asarray(_UNIT / threshold, np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
     balanced = [cv2.multiply(g, gain, dtype=cv2.CV_16S) for g in (gx, gy)]
     return np.asarray(balanced[0]), np.asarray(balanced[1])
@@ -209,4 +230,5 @@ def _balance(
 def _empty(shape: tuple[int, ...]) -> EdgeMap:
     none = np.zeros((0, 2))
     index = np.full(shape, -1, np.int32)
-    return EdgeMap(none, none, np.zeros(0), np.zeros(1, np.int64), np.zeros(0, bool), index)
+    flat = np.zeros(shape, np.int16)
+    return EdgeMap(none, none, np.zeros(0), np.zeros(1, np.int64), np.zeros(0, bool), index, flat, flat)

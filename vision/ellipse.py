@@ -93,7 +93,7 @@ class Ellipse:
     @property
     def geometric(self) -> Array:
         """(5,) centre x, centre y, semi-major, semi-minor, angle."""
-        return np.array([*self.centre, *self.semi_axes, self.angle])
+        return geometric_parameters(self.p)
 
     @property
     def area(self) -> float:
@@ -104,17 +104,7 @@ class Ellipse:
     @property
     def conic(self) -> Array:
         """The symmetric 3x3 matrix C with (u, v, 1) C (u, v, 1)ᵀ = 0 on the boundary, < 0 inside."""
-        x, y = self.centre
-        semi_major, semi_minor = self.semi_axes
-        c, s = np.cos(self.angle), np.sin(self.angle)
-        to_unit_circle = np.array(
-            [
-                [c / semi_major, s / semi_major, -(c * x + s * y) / semi_major],
-                [-s / semi_minor, c / semi_minor, (s * x - c * y) / semi_minor],
-                [0.0, 0.0, 1.0],
-            ]
-        )
-        return to_unit_circle.T @ np.diag([1.0, 1.0, -1.0]) @ to_unit_circle
+        return conic_matrices(self.p)
 
     def residual(self, points: ArrayLike) -> Array:
         """The constraint f of eq. (3) at points (N, 2), in pixels; about twice the distance to the boundary."""
@@ -141,9 +131,43 @@ class Ellipse:
         gradient = (homogeneous @ self.conic)[:, :2]
         return np.asarray(gradient / np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-12))
 
+    def variance_across(self, points: ArrayLike) -> Array:
+        """Variance (N,) in px² of where the outline runs, across itself, at points (N, 2) on it; 0 if not known.
+
+        Small along the arc that was seen and large on the other side of the ellipse.
+        """
+        points = np.atleast_2d(np.asarray(points, dtype=float))
+        if self.covariance is None:
+            return np.zeros(len(points))
+        J = focal_jacobian(self.p, points)
+        steepness = np.maximum(np.linalg.norm(J[:, :2] + J[:, 2:4], axis=1), 1e-3)
+        return np.einsum("ij,jk,ik->i", J, self.covariance, J) / steepness**2
+
     def overlap(self, other: Ellipse) -> float:
         """Intersection over union of the two filled ellipses, by rasterising at sub-pixel resolution."""
         return overlap(self, other)
+
+
+def geometric_parameters(p: Array) -> Array:
+    """(..., 5) centre x, y, semi-major, semi-minor and angle of ellipses with focal parameters (..., 5)."""
+    d, semi_major = p[..., :2] - p[..., 2:4], p[..., 4] / 2
+    semi_minor = np.sqrt(semi_major**2 - (np.hypot(d[..., 0], d[..., 1]) / 2) ** 2)
+    angle = np.arctan2(d[..., 1], d[..., 0]) % np.pi
+    centre = (p[..., :2] + p[..., 2:4]) / 2
+    return np.stack([centre[..., 0], centre[..., 1], semi_major, semi_minor, angle], axis=-1)
+
+
+def conic_matrices(p: Array) -> Array:
+    """The matrices (..., 3, 3) of :attr:`Ellipse.conic` of ellipses with focal parameters (..., 5)."""
+    x, y, semi_major, semi_minor, angle = np.moveaxis(geometric_parameters(p), -1, 0)
+    c, s = np.cos(angle), np.sin(angle)
+    to_unit_circle = np.zeros((*p.shape[:-1], 3, 3))
+    to_unit_circle[..., 0, 0], to_unit_circle[..., 0, 1] = c / semi_major, s / semi_major
+    to_unit_circle[..., 1, 0], to_unit_circle[..., 1, 1] = -s / semi_minor, c / semi_minor
+    to_unit_circle[..., 0, 2] = -(c * x + s * y) / semi_major
+    to_unit_circle[..., 1, 2] = (s * x - c * y) / semi_minor
+    to_unit_circle[..., 2, 2] = 1.0
+    return np.swapaxes(to_unit_circle, -1, -2) @ np.diag([1.0, 1.0, -1.0]) @ to_unit_circle
 
 
 def focal_residual(p: Array, points: Array) -> Array:

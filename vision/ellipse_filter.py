@@ -10,9 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from vision import kalman
+from vision.algebraic_fit import norm2
 from vision.ellipse import Ellipse, focal_residual
 from vision.errors import InputError
 
@@ -27,14 +29,15 @@ class FilterParameters:
         noise_floor_px: smallest standard deviation of an edge point across the edge.
         correlation_px: distance along an edge over which the errors of edge points are correlated. White noise
             smoothed with a Gaussian of deviation t has the correlation exp(-d² / 4t²), whose integral is
-            t sqrt(4 pi): 3.5 px for t = 1 px. Points that lie closer count for less.
+            t sqrt(4 pi): 4.3 px for a Gaussian of 1 px and the Sobel operator (variance 1/2 along the edge). Points
+            that lie closer count for less.
         gate: points further off than this many standard deviations are left out.
         prior_px: standard deviation of each component of the initial estimate.
         iterations: largest number of linearisations.
     """
 
     noise_floor_px: float = 0.03
-    correlation_px: float = 3.5
+    correlation_px: float = 4.3
     gate: float = 3.0
     prior_px: float = 20.0
     iterations: int = 5
@@ -91,14 +94,21 @@ def unshrink(p: Array, points: Array, smoothing_px: float) -> Array:
     A Gaussian of variance t² draws the edge of a disc of radius r towards its centre by t² / 2r. The radius of
     curvature of an ellipse where the focal distances are s1 and s2 is (s1 s2)^1.5 / (a b).
     """
-    d1, d2 = points - p[:2], points - p[2:4]
-    s1, s2 = (np.maximum(np.hypot(d[:, 0], d[:, 1]), 1e-9) for d in (d1, d2))
-    outward = d1 / s1[:, None] + d2 / s2[:, None]
-    outward /= np.maximum(np.hypot(outward[:, 0], outward[:, 1]), 1e-9)[:, None]
-    semi_major = p[4] / 2
-    semi_minor = np.sqrt(max(semi_major**2 - ((p[:2] - p[2:4]) ** 2).sum() / 4, 0.0))
-    shift = smoothing_px**2 / 2 * semi_major * semi_minor / (s1 * s2) ** 1.5
-    return np.asarray(points + np.minimum(shift, 0.5)[:, None] * outward)
+    return np.asarray(_unshrunk(np.asarray(p, dtype=float), np.asarray(points, dtype=float), float(smoothing_px)))
+
+
+@njit(cache=True)
+def _unshrunk(p, points, smoothing):  # type: ignore[no-untyped-def]
+    focal = norm2(p[0] - p[2], p[1] - p[3])
+    axes_product = 0.25 * p[4] * np.sqrt(max(p[4] * p[4] - focal * focal, 0.0))
+    moved = np.empty_like(points)
+    for k in range(len(points)):
+        ax, ay, bx, by = points[k, 0] - p[0], points[k, 1] - p[1], points[k, 0] - p[2], points[k, 1] - p[3]
+        s1, s2 = max(norm2(ax, ay), 1e-9), max(norm2(bx, by), 1e-9)
+        x, y = ax / s1 + bx / s2, ay / s1 + by / s2
+        shift = min(0.5 * smoothing * smoothing * axes_product / (s1 * s2) ** 1.5, 0.5) / max(norm2(x, y), 1e-9)
+        moved[k, 0], moved[k, 1] = points[k, 0] + shift * x, points[k, 1] + shift * y
+    return moved
 
 
 def fit_ellipse(

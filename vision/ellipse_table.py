@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.ellipse import geometric_parameters
 from vision.features import EllipseFeature
 
 Array = NDArray[np.float64]
@@ -48,7 +49,7 @@ class EllipseTable:
         points = [f.points[:: max(len(f.points) // points_per_ellipse, 1)] for f in flat]
         return cls(
             _starts([len(found) for found in features]),
-            np.array([f.ellipse.geometric for f in flat]).reshape(-1, 5),
+            geometric_parameters(np.array([f.ellipse.p for f in flat]).reshape(-1, 5)),
             np.array([f.support for f in flat], dtype=np.float64),
             _starts([len(p) for p in points]),
             np.vstack([np.empty((0, 2)), *points]),

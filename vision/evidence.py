@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -15,6 +16,7 @@ Image = NDArray[np.float32]
 SMOOTHING_PX = 1.0
 CANNY_LOW, CANNY_HIGH = 8.0, 18.0  # 3x3 Sobel units of the smoothed image; its noise at grey sigma 2 is about 2
 LOOSEST_ALIGNMENT, FULL_ALIGNMENT = np.cos(np.radians([35.0, 15.0])).tolist()  # of gradient and contour normal
+MINIMUM_SLOPE = 2.0  # grey levels per pixel, below which there is no edge
 
 _STEP_PX = 0.5
 """Between the samples of a profile across the contour."""
@@ -93,7 +95,7 @@ class EdgeField:
             )
 
     def measure(
-        self, points: Array, normals: Array, reach_px: float, minimum_slope: float = 2.0
+        self, points: Array, normals: Array, reach_px: float, minimum_slope: float = MINIMUM_SLOPE
     ) -> tuple[Array, Array]:
         """Sub-pixel position of the edge along each normal.
 
@@ -112,21 +114,27 @@ class EdgeField:
         """
         if len(points) == 0:
             return np.empty(0), np.empty(0)
-        half = int(np.ceil(reach_px / _STEP_PX)) + 3
-        offsets = np.arange(-half, half + 1) * _STEP_PX
-        discount = np.exp(-0.5 * (offsets / max(reach_px / 1.5, 0.5)) ** 2)
-        discount[np.abs(offsets) > reach_px - 0.5] = 0.0
         positions, slopes = np.empty(len(points)), np.empty(len(points))
         _measure(
             self.smooth,
             np.asarray(points, dtype=float),
             np.asarray(normals, dtype=float),
-            discount,
+            profile_weights(reach_px),
             np.float32(minimum_slope),
             positions,
             slopes,
         )
         return positions, slopes
+
+
+@lru_cache(maxsize=16)
+def profile_weights(reach_px: float) -> Array:
+    """By how much an edge is discounted at every sample of a profile across the contour; 0 beyond the reach."""
+    half = int(np.ceil(reach_px / _STEP_PX)) + 3
+    offsets = np.arange(-half, half + 1) * _STEP_PX
+    weights = np.exp(-0.5 * (offsets / max(reach_px / 1.5, 0.5)) ** 2)
+    weights[np.abs(offsets) > reach_px - 0.5] = 0.0
+    return np.asarray(weights)
 
 
 @njit(cache=True)
@@ -150,34 +158,50 @@ def _of_nearest_edge(edges, labels, gx, gy):  # type: ignore[no-untyped-def]  # 
 
 
 @njit(cache=True)
-def _measure(smooth, points, normals, discount, minimum_slope, positions, slopes):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Write what :meth:`EdgeField.measure` returns; ``discount`` is 0 at the offsets where no edge is looked for."""
-    half = len(discount) // 2
-    profile, slope = np.empty(len(discount), np.float32), np.zeros(len(discount), np.float32)
+def _measure(smooth, points, normals, weights, minimum_slope, positions, slopes):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Write what :meth:`EdgeField.measure` returns."""
+    profile, slope = np.empty(len(weights), np.float32), np.zeros(len(weights), np.float32)
     for i in range(len(points)):
         positions[i], slopes[i] = np.nan, 0.0
         x, y, nx, ny = points[i, 0], points[i, 1], normals[i, 0], normals[i, 1]
-        if not np.isfinite(x + y + nx + ny):
-            continue
-        for k in range(len(discount)):
-            offset = (k - half) * _STEP_PX
-            profile[k] = _interpolate(smooth, x + offset * nx, y + offset * ny)
-        # Over two pixels: a shorter difference of linearly interpolated values depends on where the pixels lie.
-        for k in range(2, len(slope) - 2):
-            slope[k] = (profile[k + 2] - profile[k - 2]) / np.float32(4 * _STEP_PX)
-        best, greatest = -1, 0.0
-        for k in range(1, len(slope) - 1):
-            here = abs(slope[k])
-            is_peak = here >= abs(slope[k - 1]) and here > abs(slope[k + 1]) and here > minimum_slope
-            if is_peak and here * discount[k] > greatest:
-                best, greatest = k, here * discount[k]
-        if best < 0:
-            continue
-        before, at, after = _log_strength(slope[best - 2]), _log_strength(slope[best]), _log_strength(slope[best + 2])
-        curvature = before - 2 * at + after
-        shift = 0.5 * (before - after) / curvature if curvature < 0 else 0.0
-        positions[i] = ((best - half) + 2 * min(max(shift, -1.0), 1.0)) * _STEP_PX
-        slopes[i] = slope[best]
+        if np.isfinite(x + y + nx + ny):
+            positions[i], slopes[i] = edge_along(smooth, x, y, nx, ny, weights, profile, slope, minimum_slope)
+
+
+@njit(cache=True)
+def edge_along(smooth, x, y, nx, ny, weights, profile, slope, minimum_slope=MINIMUM_SLOPE):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Offset and signed slope of the edge along one normal, see :meth:`EdgeField.measure`; NaN and 0 without an edge.
+
+    Args:
+        smooth: (H, W) float32, the smoothed grey image.
+        x: of the point, pixels.
+        y: of the point, pixels.
+        nx: of the unit normal.
+        ny: of the unit normal.
+        weights: (P,) of the profile's samples, 0 where no edge is looked for.
+        profile: (P,) float32, scratch.
+        slope: (P,) float32, scratch whose first and last two elements are 0.
+        minimum_slope: below which there is no edge.
+    """
+    half = len(weights) // 2
+    for k in range(len(weights)):
+        offset = (k - half) * _STEP_PX
+        profile[k] = _interpolate(smooth, x + offset * nx, y + offset * ny)
+    # Over two pixels: a shorter difference of linearly interpolated values depends on where the pixels lie.
+    for k in range(2, len(slope) - 2):
+        slope[k] = (profile[k + 2] - profile[k - 2]) / np.float32(4 * _STEP_PX)
+    best, greatest = -1, 0.0
+    for k in range(1, len(slope) - 1):
+        here = abs(slope[k])
+        is_peak = here >= abs(slope[k - 1]) and here > abs(slope[k + 1]) and here > minimum_slope
+        if is_peak and here * weights[k] > greatest:
+            best, greatest = k, here * weights[k]
+    if best < 0:
+        return np.nan, 0.0
+    before, at, after = _log_strength(slope[best - 2]), _log_strength(slope[best]), _log_strength(slope[best + 2])
+    curvature = before - 2 * at + after
+    shift = 0.5 * (before - after) / curvature if curvature < 0 else 0.0
+    return ((best - half) + 2 * min(max(shift, -1.0), 1.0)) * _STEP_PX, float(slope[best])
 
 
 @njit(cache=True)

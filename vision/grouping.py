@@ -28,6 +28,7 @@ _MIN_COARSE_PX = 64
 _MIN_COARSE_SEMI_MAJOR_PX = 5.0
 _MIN_COARSE_SCORE = 0.3
 _MAX_COARSE_HYPOTHESES, _MAX_COARSE_ATTEMPTS = 400, 80  # less is left to be found there
+_COARSE_HYSTERESIS = 0.5  # there is less noise there, and more of a faint outline can be followed
 _COARSE_OVERLAP = 0.75  # half the resolution does not tell the two edges of a rim apart
 
 
@@ -67,7 +68,7 @@ class GroupingParameters:
     min_share: float = 0.12
     max_error_px: float = 0.9
     min_coverage: float = 0.3
-    min_score: float = 0.3
+    min_score: float = 0.33
     min_overlap: float = 0.85
     max_apart_px: float = np.inf
     max_hypotheses: int = 600
@@ -120,7 +121,7 @@ def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | 
     Images with more than 1600 px along a side are halved first, which bounds the time.
 
     The order is that of a score in [0, 1]: the probability of a true ellipse by a logistic model of coverage,
-    accuracy, size and surroundings (see ``vision/ellipse_score.py``).
+    accuracy, size and surroundings (see ``vision/ellipse_score.py``), raised by concentric neighbours.
 
     Args:
         gray: (H, W) uint8 grey levels; (H, W, 3) RGB is converted.
@@ -151,6 +152,7 @@ def _coarse(parameters: GroupingParameters) -> GroupingParameters:
     """The parameters of the look at half the resolution."""
     return replace(
         parameters,
+        edges=replace(parameters.edges, hysteresis=min(parameters.edges.hysteresis, _COARSE_HYSTERESIS)),
         min_score=max(parameters.min_score, _MIN_COARSE_SCORE),
         max_hypotheses=min(parameters.max_hypotheses, _MAX_COARSE_HYPOTHESES),
         max_attempts=min(parameters.max_attempts, _MAX_COARSE_ATTEMPTS),
@@ -218,8 +220,7 @@ def group_edges(
     )
     edge_field = EdgeField.of(edges)
     ps, quality = verify_hypotheses(ps, groups, edge_field, points, limits, parameters.max_attempts)
-    order = np.argsort(-quality[:, SCORE], kind="stable")
-    chosen, numbers, quality = select_survivors(ps, order, edge_field, limits)
+    chosen, numbers, quality = select_survivors(ps, quality[:, SCORE], edge_field, limits)
     features = _filter_survivors(ps[chosen], numbers, quality, edges, parameters)
     return Grouping(edges, table, tuple(features), parameters.tolerance_px)
 
@@ -253,7 +254,7 @@ def _filter_survivors(
     known = np.empty((len(numbers), 5))
     scores = quality[:, SCORE]
     for k in np.argsort(-scores, kind="stable"):
-        points = unshrink(ps[k], edges.points[numbers[k]], parameters.edges.total_smoothing_px)
+        points = unshrink(ps[k], edges.settled(numbers[k]), parameters.edges.total_smoothing_px)
         result = _filtered(ps[k], points, parameters)
         if result is None or result.fitting_error_px > parameters.max_error_px:
             continue

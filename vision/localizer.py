@@ -24,6 +24,7 @@ from vision.vision_model import VisionModel
 
 GREY_SLACK = (0.1, 2.5)
 SMALLEST_AREA_SHARE = 0.05
+SMALLEST_PERIMETER_SHARE = 0.5  # of a circle: the least arc that passes for an ellipse and its chord are 0.56
 SHORTEST_ARC = 0.35  # of the outline's radius
 
 
@@ -207,8 +208,9 @@ def attribute_constraints(
 ) -> AttributeConstraints | None:
     """What the attributes of a region can be that shows a salient feature of a model (Section 5.1).
 
-    The area follows from the radius and the distance; a tilted or half hidden circle shows less of it. The taught
-    grey levels are widened for another exposure and another light.
+    Area and perimeter follow from the radius and the distance; a tilted or half hidden circle shows less of them. The
+    taught grey levels are widened for another exposure and another light. In a heap the other attributes of regions
+    that show a salient feature spread as far as those of regions that show none: of them nothing is asked.
     """
     if workspace is None:
         return None
@@ -222,7 +224,11 @@ def attribute_constraints(
         if greys
         else None
     )
-    return AttributeConstraints(area_px=(SMALLEST_AREA_SHARE * smallest, 1.3 * largest), grey_mean=grey)
+    return AttributeConstraints(
+        area_px=(SMALLEST_AREA_SHARE * smallest, 1.3 * largest),
+        perimeter_px=(SMALLEST_PERIMETER_SHARE * 2 * np.sqrt(np.pi * smallest), np.inf),
+        grey_mean=grey,
+    )
 
 
 def _depth_range(view: View, workspace: Workspace) -> tuple[float, float]:

@@ -12,17 +12,14 @@ from numpy.typing import NDArray
 
 from vision.camera import View
 from vision.circle_pose import Circle
-from vision.evidence import FULL_ALIGNMENT, LOOSEST_ALIGNMENT
 from vision.model_curves import along_circle, along_pattern
+from vision.visibility import ContourSamples, project_samples
 from vision.vision_model import VisionModel, turns_about_axis
 
 Array = NDArray[np.float64]
 
 INPLANE_STRIDE = 2  # of the samples, where the rotation about z is looked for all the way round
-RIM_SLACK = 0.03  # taught radii are not exact, rims are rounded
 COVER_MARGIN = 0.1  # of the part's radius, behind the surface of another part
-COVER_BLOCK_PX = 4  # what parts hide is known by blocks of pixels
-GRAZING_COSINE = 0.12  # a circle seen at more than 83 degrees from its normal is not expected to show an edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +77,14 @@ class ModelContour:
         """(C,) number of the feature that a circle is a copy of: the model's circles first, then its patterns."""
         return np.asarray(np.cumsum(self.circle_copies > 0) - 1, np.intp)
 
+    @cached_property
+    def samples(self) -> ContourSamples:
+        """The samples for the compiled loops."""
+        points, tangents, normals = (np.ascontiguousarray(a.T) for a in (self.points, self.tangents, self.normals))
+        rims = np.ascontiguousarray(np.moveaxis(self.rims[self.circle], 0, 2))
+        margin_m = COVER_MARGIN * float(np.abs(points).max(initial=0.0))
+        return ContourSamples(points, tangents, normals, self.circle, rims, margin_m)
+
     def asymmetric(self) -> ModelContour:
         """The circles alone that tell the rotation about z; the numbering of the circles stays."""
         return self._asymmetric
@@ -120,9 +125,9 @@ class ModelContour:
     def _samples(self, chosen: NDArray[np.bool_] | slice) -> ModelContour:
         return replace(
             self,
-            points=np.ascontiguousarray(self.points[chosen]),
-            tangents=np.ascontiguousarray(self.tangents[chosen]),
-            normals=np.ascontiguousarray(self.normals[chosen]),
+            points=self.points[chosen],
+            tangents=self.tangents[chosen],
+            normals=self.normals[chosen],
             circle=np.ascontiguousarray(self.circle[chosen]),
         )
 
@@ -161,8 +166,7 @@ class ModelContour:
         T = np.linalg.inv(view.T_world_camera.as_matrix()) @ T_world_part
         camera = view.camera
         intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
-        samples = (self.points, self.tangents, self.normals, self.circle, self.rims)
-        return Projection(*_project(np.ascontiguousarray(T), intrinsics, samples))
+        return Projection(*_project(np.ascontiguousarray(T), intrinsics, self.samples))
 
 
 def _rims_before(sides: Sequence[tuple[float, float]], model: VisionModel) -> Array:
@@ -183,140 +187,11 @@ def _is_before(rim: Circle, side: float, height: float, slack: float) -> bool:
     return bool(side == np.sign(rim.normal[2]) and side * (rim.centre[2] - height) > slack)
 
 
-@njit(cache=True, inline="always")
-def passes_rims(x, y, z, rims, eye):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
-    """Whether a point of the part is seen from the eye past the rims before it, all in the part's frame.
-
-    The surface of one body joins the point and the rim. A line of sight that starts on one side of the rim's radius
-    and crosses the rim's plane on the other side has gone through that surface: the floor of a cup hides behind the
-    wall, a flange behind the hat.
-    """
-    own = x * x + y * y
-    for k in range(len(rims)):
-        square = rims[k, 0] * rims[k, 0]
-        if np.isnan(square):
-            break
-        share = (rims[k, 1] - z) / (eye[2] - z)
-        across, along = x + share * (eye[0] - x), y + share * (eye[1] - y)
-        crossing = across * across + along * along
-        if own < square:
-            if crossing > (1 + RIM_SLACK) ** 2 * square:
-                return False
-        elif crossing < (1 - RIM_SLACK) ** 2 * square:
-            return False
-    return True
-
-
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _project(T, intrinsics, samples):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
     """Index, pixels and unit normals of the samples in sight."""
-    points, tangents, normals, circle, rims = samples
-    fx, fy, cx, cy = intrinsics
-    eye = eye_of(T)
-    index = np.empty(len(points), np.intp)
-    pixels, across = np.empty((len(points), 2)), np.empty((len(points), 2))
-    count = 0
-    for i in range(len(points)):
-        x, y, z = moved(T, points[i])
-        nx, ny, nz = rotated(T, normals[i])
-        if z <= 1e-3 or -(nx * x + ny * y + nz * z) <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
-            continue
-        if not passes_rims(points[i, 0], points[i, 1], points[i, 2], rims[circle[i]], eye):
-            continue
-        tx, ty, tz = rotated(T, tangents[i])
-        du, dv = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
-        length = max(np.sqrt(du * du + dv * dv), 1e-12)
-        index[count] = i
-        pixels[count, 0], pixels[count, 1] = fx * x / z + cx, fy * y / z + cy
-        across[count, 0], across[count, 1] = dv / length, -du / length
-        count += 1
-    return index[:count], pixels[:count], across[:count]
-
-
-@njit(cache=True)
-def tally_support(  # type: ignore[no-untyped-def]
-    poses, cameras, samples, edges, reach_px, total, count
-):  # pragma: no cover - compiled
-    """Add the edge support of each circle's samples to ``total`` and their number to ``count``.
-
-    The same as :meth:`ModelContour.project` followed by :meth:`vision.evidence.EdgeField.support`, in one pass: the
-    innermost loop of matching.
-
-    Args:
-        poses: (N, 4, 4) T_world_part.
-        cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
-        samples: points, tangents, normals (S, 3), circle numbers (S,) and rims (C, B, 2).
-        edges: distance (V, H, W), direction (V, H, W, 2), claimed (V, H, W), and the depth beyond which parts
-            already found hide what is there, by blocks of pixels.
-        reach_px: tolerance.
-        total: (N, V, C) added to.
-        count: (N, V, C, 2) added to: the samples that nothing known hides, and all that face the camera.
-    """
-    points, tangents, normals, circle, rims = samples
-    distance, direction, claimed, cover = edges
-    height, width = claimed.shape[1:]
-    margin = COVER_MARGIN * np.abs(points).max()
-    for pose in range(len(poses)):
-        for view in range(len(claimed)):
-            T = cameras[0][view] @ poses[pose]
-            fx, fy, cx, cy = cameras[1][view]
-            eye = eye_of(T)
-            current, facing_away = -1, False
-            n = np.zeros(3)
-            for i in range(len(points)):
-                c = circle[i]
-                if c != current:
-                    current = c
-                    n[0], n[1], n[2] = rotated(T, normals[i])
-                    # From behind the plane of a circle none of it is seen.
-                    x, y, z = moved(T, points[i])
-                    facing_away = n[0] * x + n[1] * y + n[2] * z >= 0
-                if facing_away:
-                    continue
-                x, y, z = moved(T, points[i])
-                if z < 1e-3 or -(n[0] * x + n[1] * y + n[2] * z) <= GRAZING_COSINE * np.sqrt(x * x + y * y + z * z):
-                    continue
-                u, v = int(np.rint(fx * x / z + cx)), int(np.rint(fy * y / z + cy))
-                if u < 2 or v < 2 or u > width - 3 or v > height - 3:
-                    continue
-                if not passes_rims(points[i, 0], points[i, 1], points[i, 2], rims[c], eye):
-                    continue
-                count[pose, view, c, 1] += 1.0
-                if z > cover[view, v // COVER_BLOCK_PX, u // COVER_BLOCK_PX] + margin:
-                    continue
-                count[pose, view, c, 0] += 1.0
-                near = (reach_px - distance[view, v, u]) / (reach_px - 1.0)
-                if near <= 0.0 or claimed[view, v, u]:
-                    continue
-                tx, ty, tz = rotated(T, tangents[i])
-                du, dv = fx * (tx - x / z * tz), fy * (ty - y / z * tz)
-                length = np.sqrt(du * du + dv * dv)
-                aligned = abs(direction[view, v, u, 0] * dv - direction[view, v, u, 1] * du) / max(length, 1e-12)
-                share = (aligned - LOOSEST_ALIGNMENT) / (FULL_ALIGNMENT - LOOSEST_ALIGNMENT)
-                total[pose, view, c] += min(near, 1.0) * min(max(share, 0.0), 1.0)
-
-
-@njit(cache=True, inline="always")
-def moved(T, p):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
-    """The point T p."""
-    x, y, z = rotated(T, p)
-    return x + T[0, 3], y + T[1, 3], z + T[2, 3]
-
-
-@njit(cache=True, inline="always")
-def rotated(T, p):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
-    """The direction T p."""
-    return (
-        T[0, 0] * p[0] + T[0, 1] * p[1] + T[0, 2] * p[2],
-        T[1, 0] * p[0] + T[1, 1] * p[1] + T[1, 2] * p[2],
-        T[2, 0] * p[0] + T[2, 1] * p[1] + T[2, 2] * p[2],
-    )
-
-
-@njit(cache=True)
-def eye_of(T_camera_part):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
-    """The camera's centre (3,) in the part's frame."""
-    T, out = T_camera_part, np.empty(3)
-    for j in range(3):
-        out[j] = -(T[0, j] * T[0, 3] + T[1, j] * T[1, 3] + T[2, j] * T[2, 3])
-    return out
+    size = len(samples.circle)
+    image, shown = np.empty((5, size)), np.empty(size, np.bool_)
+    project_samples(T, intrinsics, samples, image, shown)
+    index = np.flatnonzero(shown)
+    return index, image[:2, index].T.copy(), image[3:, index].T.copy()

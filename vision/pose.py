@@ -6,12 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.camera import View
+from vision.camera import View, camera_arrays
 from vision.feature_support import FeatureSupport
-from vision.vectors import cross
+from vision.visibility import moved, rotated
 
 Array = NDArray[np.float64]
 
@@ -107,7 +108,7 @@ def refine_pose(
         None when too few edge points are left.
     """
     T: Array = T_world_part.copy()
-    cameras = [(np.linalg.inv(v.T_world_camera.as_matrix()), v.camera.matrix) for v in views]
+    cameras = camera_arrays(views)
     for iteration in range(iterations):
         seen = observe(T, iteration)
         if len(seen.view) < 12:
@@ -127,32 +128,31 @@ def refine_pose(
     return _outcome(T, N, J, residuals, weights, seen, inplane, cameras)
 
 
-def _linearise(T: Array, seen: Observations, cameras: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+def _linearise(T: Array, seen: Observations, cameras: tuple[Array, Array]) -> tuple[Array, Array]:
     """Rows d(residual)/d(translation, rotation) and the residuals, both over sigma."""
-    arm = seen.points_part @ T[:3, :3].T
-    points_world = arm + T[:3, 3]
-    J = np.empty((len(seen.view), 6))
-    residuals = np.empty(len(seen.view))
-    for index, (T_camera_world, K) in enumerate(cameras):
-        mine = np.flatnonzero(seen.view == index)
-        R = T_camera_world[:3, :3]
-        x, y, z = (points_world[mine] @ R.T + T_camera_world[:3, 3]).T
-        n = seen.normals[mine]
+    J, residuals = np.empty((len(seen.view), 6)), np.empty(len(seen.view))
+    _write_rows(T, cameras, (seen.view, seen.points_part, seen.pixels, seen.normals, seen.sigma_px), J, residuals)
+    return J, residuals
+
+
+@njit(cache=True, error_model="numpy")
+def _write_rows(T, cameras, seen, J, residuals):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Write what :func:`_linearise` returns."""
+    view, points, pixels, normals, sigma_px = seen
+    for i in range(len(view)):
+        M, (fx, fy, cx, cy) = cameras[0][view[i]], cameras[1][view[i]]
+        ax, ay, az = rotated(T, points[i])
+        x, y, z = moved(M, (ax + T[0, 3], ay + T[1, 3], az + T[2, 3]))
         # The normal component of the projection's derivative, in the camera frame and then in the world frame.
-        row = np.column_stack(
-            [n[:, 0] * K[0, 0], n[:, 1] * K[1, 1], -(n[:, 0] * K[0, 0] * x + n[:, 1] * K[1, 1] * y) / z]
-        )
-        row = row / z[:, None] @ R
-        projected = np.column_stack([K[0, 0] * x / z + K[0, 2], K[1, 1] * y / z + K[1, 2]])
-        J[mine, :3] = row
-        J[mine, 3:] = cross(arm[mine], row)
-        projected = np.column_stack([K[0, 0] * x / z + K[0, 2], K[1, 1] * y / z + K[1, 2]])
-        J[mine, :3] = row
-        (ax, ay, az), (rx, ry, rz) = arm[mine].T, row.T
-        # Not np.cross, which takes longer than all the rest of this function.
-        J[mine, 3:] = np.column_stack([ay * rz - az * ry, az * rx - ax * rz, ax * ry - ay * rx])
-        residuals[mine] = np.einsum("ij,ij->i", n, seen.pixels[mine] - projected)
-    return J / seen.sigma_px[:, None], residuals / seen.sigma_px
+        gx, gy = normals[i, 0] * fx, normals[i, 1] * fy
+        gz = -(gx * x + gy * y) / z
+        gx, gy, gz = gx / z, gy / z, gz / z
+        rx, ry, rz = rotated(M.T, (gx, gy, gz))
+        row = (rx, ry, rz, ay * rz - az * ry, az * rx - ax * rz, ax * ry - ay * rx)
+        for j in range(6):
+            J[i, j] = row[j] / sigma_px[i]
+        du, dv = pixels[i, 0] - (fx * x / z + cx), pixels[i, 1] - (fy * y / z + cy)
+        residuals[i] = (normals[i, 0] * du + normals[i, 1] * dv) / sigma_px[i]
 
 
 def _moved(T: Array, step: Array) -> Array:
@@ -170,7 +170,7 @@ def _outcome(
     weights: Array,
     seen: Observations,
     inplane: bool,
-    cameras: Sequence[tuple[Array, Array]],
+    cameras: tuple[Array, Array],
 ) -> Refinement:
     kept = max(float(weights.sum()), 1.0)
     # The sandwich of an M-estimator: Tukey's psi is w r, its derivative sqrt(w) (5 sqrt(w) - 4).
@@ -233,12 +233,12 @@ def _one_hot(group: NDArray[np.intp]) -> Array:
     return np.asarray(group == np.unique(group)[:, None], dtype=np.float64)
 
 
-def _common_shift(T: Array, cameras: Sequence[tuple[Array, Array]]) -> Array:
+def _common_shift(T: Array, cameras: tuple[Array, Array]) -> Array:
     """Covariance (6, 6) of an error across the line of sight that is the same in all views, as light makes it."""
-    eyes = [-M[:3, :3].T @ M[:3, 3] for M, _ in cameras]
+    eyes = [-M[:3, :3].T @ M[:3, 3] for M in cameras[0]]
     sight = T[:3, 3] - np.mean(eyes, axis=0)
     distance = np.linalg.norm(sight)
-    sigma = COMMON_SIGMA_PX * distance / cameras[0][1][0, 0]
+    sigma = COMMON_SIGMA_PX * distance / cameras[1][0, 0]
     out = np.zeros((6, 6))
     out[:3, :3] = sigma**2 * (np.eye(3) - np.outer(sight, sight) / distance**2)
     return out

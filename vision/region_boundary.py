@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.edge_profile import log_peak, slope_across
 from vision.ellipse import Array
 from vision.region_attributes import Contour
 
@@ -43,9 +44,7 @@ def refine_boundaries(
 ) -> Boundaries:
     """Move contour points outwards onto the next edge, where the gradient across the contour peaks.
 
-    Close to its peak, the gradient of a blurred step is a Gaussian, so its logarithm is a parabola: three
-    samples, one pixel apart, give the peak. Points without a peak are dropped; that is where a region ends
-    without an edge, or at the image border.
+    Points without a peak are dropped; that is where a region ends without an edge, or at the image border.
 
     Args:
         contours: closed pixel contours (M, 2), and whether each is an inner boundary.
@@ -109,37 +108,8 @@ def _innermost_peak(x, y, normal, dx, dy, min_gradient):  # type: ignore[no-unty
     """Offset along a normal from (x, y) of the first peak of the gradient that is large enough; NaN without one."""
     before, here = 0.0, 0.0
     for k in range(len(_PROFILE)):
-        after = _slope_across(x + _PROFILE[k] * normal[0], y + _PROFILE[k] * normal[1], normal, dx, dy)
+        after = slope_across(x + _PROFILE[k] * normal[0], y + _PROFILE[k] * normal[1], normal[0], normal[1], dx, dy)
         if k >= 2 and here >= before and here > after and here >= min_gradient:
-            a, b, c = np.log(max(before, 1.0)), np.log(max(here, 1.0)), np.log(max(after, 1.0))
-            curvature = max(2 * b - a - c, 1e-9)
-            return _PROFILE[k - 1] + min(max((c - a) / (2 * curvature), -0.5), 0.5)
+            return _PROFILE[k - 1] + min(max(log_peak(before, here, after), -0.5), 0.5)
         before, here = here, after
     return np.nan
-
-
-@njit(cache=True)
-def _slope_across(x, y, normal, dx, dy):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Size of the gradient along a normal at (x, y), by cubic interpolation; 0 at the image border."""
-    height, width = dx.shape
-    left, top = int(np.floor(x)) - 1, int(np.floor(y)) - 1
-    if left < 0 or top < 0 or left + 3 >= width or top + 3 >= height:
-        return 0.0
-    by_x, by_y = _cubic_weights(x - left - 1), _cubic_weights(y - top - 1)
-    value = 0.0
-    for v in range(4):
-        for u in range(4):
-            across = dx[top + v, left + u] * normal[0] + dy[top + v, left + u] * normal[1]
-            value += by_y[v] * by_x[u] * across
-    return abs(value)
-
-
-@njit(cache=True)
-def _cubic_weights(t):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Catmull-Rom weights of the samples at -1, 0, 1, 2 for the place t in 0..1."""
-    return (
-        ((2 - t) * t - 1) * t / 2,
-        ((3 * t - 5) * t * t + 2) / 2,
-        ((4 - 3 * t) * t + 1) * t / 2,
-        (t - 1) * t * t / 2,
-    )

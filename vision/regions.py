@@ -33,8 +33,9 @@ _SPACING = 3
 _CAMERA_AND_SOBEL_VARIANCE = 0.9
 """Blur besides that of edge detection, in px²: Sobel's kernel 0.46, the pixel's area 0.08, a lens of 0.6 px."""
 
-_CORRELATION = 0.2
-"""Of the errors of neighbouring boundary points, 3 px apart: noise blurred by 1.2 px, exp(-3² / (4 * 1.2²))."""
+_CORRELATION = 0.31
+"""Of the errors of neighbouring boundary points, 3 px apart: noise blurred by 1.2 px and by Sobel's kernel (variance
+1/2 along the edge), exp(-3² / (4 * (1.2² + 0.5)))."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class BoundaryFit:
     """
 
     tolerance_px: float = 1.2
-    sigma_px: float = 0.05
+    sigma_px: float = 0.03
     max_rms_px: float = 0.5
     min_support: float = 0.3
     min_semi_axis_px: float = 4.0
@@ -97,10 +98,13 @@ def region_ellipses(
         raise InputError(
             "image", got=gray.shape, expected=f"the shape that was segmented, {segmentation.labels.shape}"
         )
-    regions = segmentation.prune(constraints or AttributeConstraints())
+    constraints = constraints or AttributeConstraints()
+    regions = segmentation.prune(constraints)
     outer = [(region.contour, False, region.attributes) for region in regions]
     inner = [(hole, True, region.attributes) for region in regions for hole in region.holes]
-    shortest = np.pi * fit.min_semi_axis_px
+    # A contour has up to a third fewer points than pixels of length: its diagonal steps are longer than one.
+    least_px, _ = constraints.perimeter_px or (0.0, np.inf)
+    shortest = max(np.pi * fit.min_semi_axis_px, least_px / np.sqrt(2))
     # Outer boundaries first: an ellipse that two regions share gets the attributes of the region inside it.
     candidates = [c for c in outer + inner if len(c[0]) > shortest]
     slopes = gradient(gray, growing.blur_px)

@@ -39,7 +39,11 @@ FILTER_POINTS = (4, 8, 16, 32, 64)
 
 WHITE: Colour = (255, 255, 255)
 HALF_RESOLUTION_COLOUR: Colour = (255, 225, 110)
-PRUNED_COLOURS: dict[str, Colour] = {"area_px": (110, 150, 255), "grey_mean": (255, 100, 100)}
+PRUNED_COLOURS: dict[str, Colour] = {
+    "area_px": (110, 150, 255),
+    "perimeter_px": (255, 190, 60),
+    "grey_mean": (255, 100, 100),
+}
 OTHERWISE_PRUNED_COLOUR: Colour = (200, 130, 255)
 
 _ATTRIBUTE_WORDS = {

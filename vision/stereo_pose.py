@@ -31,6 +31,7 @@ LEAST_CROSSING = (
 FARTHEST = (
     0.25  # of the largest radius: points that far from where the hypothesis has the circle were matched wrongly
 )
+RIM_SIGMA_PX = 0.1  # rims are rounded, and no ellipse is more certain of them than that
 
 
 def pose_by_stereo(
@@ -155,7 +156,10 @@ def _rim_points(
     direction = seen[:, :2] - _centre(seen[:, :2])
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     model = np.column_stack([radius * direction, np.full(len(direction), height)])
-    return model, points[nearer][kept], crossing[kept]
+    variance = ellipses[0].variance_across(pixels) + ellipses[1].variance_across(np.nan_to_num(partners[nearer]))
+    # Along the epipolar line, to which the depth is due, an error across the outline is larger by 1 / crossing.
+    weight = crossing**2 / (variance + RIM_SIGMA_PX**2)
+    return model, points[nearer][kept], weight[kept]
 
 
 def _centre(points: Array) -> Array:

@@ -11,7 +11,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.algebraic_fit import signed_distance
-from vision.ellipse_score import COVERAGE, ERROR, QUALITIES, SCORE, VISIBLE, assess
+from vision.ellipse_context import concentric_support
+from vision.ellipse_score import COVERAGE, ERROR, QUALITIES, SCORE, VISIBLE, assess, in_context
 from vision.ellipse_support import (
     MAX_STEPS,
     NOTHING,
@@ -30,6 +31,7 @@ Limits = tuple[float, float, float, float, float, float, float]
 
 MIN_VISIBLE = 0.35  # of the circumference inside the image
 GLANCE_STEPS, REFINE_STEPS = 24, 64
+PROSPECT = 0.1  # share of the least score from which a concentric neighbour may still lift an ellipse
 UNKNOWN = -1
 
 
@@ -110,7 +112,7 @@ def search(  # type: ignore[no-untyped-def]
         assess(p, edges, hits, steps, counts, quality)
         if quality[COVERAGE] < min_coverage or quality[ERROR] > max_error or quality[VISIBLE] < MIN_VISIBLE:
             continue
-        if quality[SCORE] < 0.3 * min_score:
+        if quality[SCORE] < PROSPECT * min_score:
             continue
         out_quality[found] = quality
         found += 1
@@ -118,7 +120,7 @@ def search(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def select(ps, order, edges, limits, out_hits, out_steps, out_quality):  # type: ignore[no-untyped-def]
+def select(ps, order, concentric, edges, limits, out_hits, out_steps, out_quality):  # type: ignore[no-untyped-def]
     """Give every edge point to the best ellipse that wants it; return the numbers of those that keep enough."""
     tolerance, agreement, min_score, min_coverage, max_error, _, _ = limits
     used, counts = np.zeros(len(edges.points), np.bool_), np.zeros(len(edges.chain_points), np.int64)
@@ -129,6 +131,7 @@ def select(ps, order, edges, limits, out_hits, out_steps, out_quality):  # type:
         steps = gather(ps[h], edges, used, tolerance, agreement, MAX_STEPS, hits)
         drop_short_runs(hits, steps, max(4, steps // 40))
         assess(ps[h], edges, hits, steps, counts, quality)
+        quality[SCORE] = in_context(quality[SCORE], concentric[h])
         if quality[COVERAGE] < min_coverage or quality[ERROR] > max_error or quality[SCORE] < min_score:
             continue
         out_steps[row] = steps
@@ -167,13 +170,13 @@ def verify_hypotheses(
 
 
 def select_survivors(
-    ps: Array, order: NDArray[np.int64], edges: EdgeField, limits: Limits
+    ps: Array, scores: Array, edges: EdgeField, limits: Limits
 ) -> tuple[NDArray[np.int64], list[NDArray[np.int64]], Array]:
     """Let survivors compete for edge points, so that duplicates and parasites of better ellipses go.
 
     Args:
         ps: (S, 5) focal parameters.
-        order: (S,) their numbers, best first.
+        scores: (S,) what each of them scores by itself.
         edges: of the image.
         limits: as in :func:`verify_hypotheses`.
 
@@ -181,9 +184,11 @@ def select_survivors(
         Numbers of the K ellipses that are left, for each the numbers of its edge points along the outline, and
         their (K, 11) quality.
     """
+    concentric = concentric_support(ps, scores)
+    order = np.argsort(-in_context(scores, concentric), kind="stable")
     hits = np.full((len(order) + 1, MAX_STEPS), NOTHING, np.int64)
     steps, quality = np.zeros(len(order) + 1, np.int64), np.zeros((len(order) + 1, QUALITIES))
-    chosen = select(ps, order, edges, limits, hits, steps, quality)
+    chosen = select(ps, order, concentric, edges, limits, hits, steps, quality)
     numbers = [_ordered_unique(hits[k, : steps[k]]) for k in range(len(chosen))]
     return chosen, numbers, quality[: len(chosen)]
 

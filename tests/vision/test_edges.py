@@ -3,6 +3,7 @@ import pickle
 import cv2
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from benchmark.detector.drawings import fill_ellipse
 from vision.edges import EdgeParameters, as_gray, detect_edges
@@ -101,3 +102,16 @@ def test_other_arrays_are_refused_with_a_reason(image):
 def test_parameters_are_checked():
     with pytest.raises(InputError, match="min_contrast"):
         EdgeParameters(min_contrast=20.0, max_contrast=10.0)
+
+
+@pytest.mark.parametrize("degrees", [0, 7, 18, 27, 33, 45, 71, 90, 114])
+def test_settled_points_lie_on_a_straight_edge_whatever_its_direction(degrees):
+    normal, offset, size = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))]), 0.31, 96
+    at = np.arange(size) - (size - 1) / 2
+    across = at[None, :] * normal[0] + at[:, None] * normal[1] - offset
+    edges = detect_edges(np.round(90 + 80 * norm.cdf(across / 0.75)).astype(np.uint8))
+    inner = np.flatnonzero(np.abs(edges.points - (size - 1) / 2).max(axis=1) < size / 2 - 10)
+    distance = (edges.settled(inner) - (size - 1) / 2) @ normal - offset
+    assert len(inner) > 50
+    assert abs(distance.mean()) < 0.02
+    assert distance.std() < 0.02

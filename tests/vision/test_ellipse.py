@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vision.ellipse import Ellipse, focal_jacobian, focal_residual, overlap
+from vision.ellipse_filter import fit_ellipse
 from vision.errors import InputError
 
 ellipses = st.builds(
@@ -85,3 +86,21 @@ def test_arrays_stay_read_only_after_pickling():
     ellipse = pickle.loads(pickle.dumps(Ellipse.from_geometric(1, 2, 3, 2, 0.5)))
     with pytest.raises(ValueError, match="read-only"):
         ellipse.p[0] = 0
+
+
+def test_the_variance_across_is_that_of_ellipses_drawn_from_the_covariance():
+    rng = np.random.default_rng(0)
+    root = 0.02 * rng.normal(size=(5, 5))
+    ellipse = Ellipse(Ellipse.from_geometric(50, 40, 30, 18, 0.7).p, root @ root.T)
+    points = ellipse.sample(12)
+    distances = [Ellipse(ellipse.p + root @ rng.normal(size=5)).distance(points) for _ in range(4000)]
+    assert np.allclose(np.var(distances, axis=0), ellipse.variance_across(points), rtol=0.1)
+
+
+def test_an_arc_is_certain_where_it_was_seen_alone():
+    truth = Ellipse.from_geometric(100, 100, 60, 45, 0.3)
+    arc = truth.sample(160)[:40] + np.random.default_rng(1).normal(0, 0.05, (40, 2))
+    ellipse = fit_ellipse(arc, truth.p).ellipse
+    seen, unseen = ellipse.variance_across(ellipse.sample(160)[[20, 100]])
+    assert unseen > 100 * seen
+    assert (Ellipse(ellipse.p).variance_across(arc) == 0).all()

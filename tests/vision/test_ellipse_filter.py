@@ -81,7 +81,7 @@ def test_closer_points_than_the_correlation_length_count_for_less():
     truth = Ellipse.from_geometric(200, 200, 80, 50, 0.3)
     points = noisy_points(truth, rng)
     apart = fit_ellipse(points, truth.p, spacing_px=10.0)
-    dense = fit_ellipse(points, truth.p, spacing_px=0.875)
+    dense = fit_ellipse(points, truth.p, spacing_px=1.075)
     assert np.allclose(dense.ellipse.covariance, 4 * apart.ellipse.covariance, rtol=0.01)
 
 

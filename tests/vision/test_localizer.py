@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from vision.candidates import Workspace
 from vision.errors import InputError
-from vision.localizer import EllipseLocalizer, Localization, Localizer
+from vision.localizer import EllipseLocalizer, Localization, Localizer, attribute_constraints, extract_features
 from vision.matching_parameters import MatchingParameters
+from vision.regions import segment
 
 WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))
 
@@ -125,6 +128,25 @@ def test_nothing_is_found_but_the_plates(workspace, dual, scene, photograph):
     estimates = dual.localize(photograph(scene), workspace).estimates
     assert len(estimates) == len(scene)
     assert all(e.score >= MatchingParameters().minimum_scores[-1] for e in estimates)
+
+
+def test_regions_too_small_for_the_part_are_pruned_and_the_rest_is_not(dual, scene, photograph, plate):
+    view = photograph(scene, noise=0)[0]
+    littered = view.image.copy()
+    for corner in range(8, 120, 16):
+        littered[8:18, corner : corner + 10] = 200
+    view = replace(view, image=littered)
+    constraints = attribute_constraints([plate], view, WORKSPACE)
+    litter = [r for r in segment(view.gray).regions if r.contour[:, 1].max() < 20]
+    assert len(litter) >= 7
+    assert constraints.prune(litter) == []
+    assert ellipses_of(view, constraints) == ellipses_of(view, None)
+
+
+def ellipses_of(view, constraints):
+    """Those of region growing, at least as large as the plate's bores, its smallest salient circles, can be."""
+    found = extract_features(view, ["region"], constraints)
+    return {tuple(f.ellipse.p) for f in found if f.ellipse.semi_axes[0] > 25}
 
 
 def test_input_is_left_as_it_was(dual, scene, photograph):

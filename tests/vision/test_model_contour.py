@@ -12,9 +12,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.camera import camera_arrays
 from vision.circle_pose import Circle, project_circle
+from vision.edge_support import tally_support
 from vision.evidence import EdgeField
-from vision.model_contour import ModelContour, passes_rims, tally_support
+from vision.model_contour import ModelContour
 from vision.model_curves import PATTERN_SAMPLES, SAMPLE_SPACING_PX
+from vision.visibility import hides
 from vision.vision_model import CircleFeature, Pattern, VisionModel, turns_about_axis
 
 SCALE = 4200.0
@@ -79,6 +81,7 @@ def test_one_pass_tallies_what_projection_and_support_do(contour, photograph, po
     field = EdgeField.from_gray(view.gray)
     rng = np.random.default_rng(10_001)
     claimed = rng.random(field.distance.shape) < 0.2
+    distance = np.where(claimed, np.float32(np.inf), field.distance)
     camera = view.camera
     supported = 0
     for trial in range(40):
@@ -92,8 +95,8 @@ def test_one_pass_tallies_what_projection_and_support_do(contour, photograph, po
         tally_support(
             T[None],
             camera_arrays([view]),
-            (contour.points, contour.tangents, contour.normals, contour.circle, contour.rims),
-            (field.distance[None], field.direction[None], claimed[None], np.full_like(field.distance, np.inf)[None]),
+            contour.samples,
+            (distance[None], field.direction[None], np.full_like(field.distance, np.inf)[None]),
             3.0,
             total,
             count,
@@ -132,7 +135,7 @@ def test_the_floor_of_a_cup_is_seen_exactly_where_the_line_of_sight_misses_its_w
     path = point + np.linspace(0, 1, 4001)[:, None] * (eye - point)
     beyond = np.hypot(*path[path[:, 2] < 0, :2].T).max() / 0.015
     if abs(beyond - 1) > 0.04:  # the taught radius has a tolerance
-        assert passes_rims(*point, rims, eye) == (beyond < 1)
+        assert hides(*rims[0], *point, eye) == (beyond > 1)
 
 
 def test_a_flange_hides_behind_the_hat_and_a_rim_hides_nothing_on_its_own_side():
@@ -141,10 +144,11 @@ def test_a_flange_hides_behind_the_hat_and_a_rim_hides_nothing_on_its_own_side()
     flange = CircleFeature("flange", "salient", Circle(np.zeros(3), up, 0.1), "region")
     contour = ModelContour.of(VisionModel("hub", 0.2, (hat, flange)), 1000)
     assert np.isnan(contour.rims[0]).all()
+    assert not hides(*contour.rims[0, 0], 0.0, 0.0, 0.0, np.ones(3))
     eye = np.array([0.5, 0.0, 0.2])
     near, far = np.array([0.1, 0.0, 0.0]), np.array([-0.1, 0.0, 0.0])
-    assert passes_rims(*near, contour.rims[1], eye)
-    assert not passes_rims(*far, contour.rims[1], eye)
+    assert not hides(*contour.rims[1, 0], *near, eye)
+    assert hides(*contour.rims[1, 0], *far, eye)
 
 
 @pytest.fixture(scope="module")
