@@ -77,12 +77,14 @@ class Paper:
 
 
 def with_legend(image: Image, entries: Sequence[tuple[str, Colour]]) -> Image:
-    """An RGB image with a line of text for each entry, in its colour, at the bottom on the left."""
+    """An RGB image with a line of text for each entry, in its colour on black, at the bottom on the left."""
     scale = max(image.shape) / _LEGEND_PX
-    canvas = image.copy()
+    thickness, margin, line = max(1, round(2 * scale)), round(14 * scale), _LEGEND_LINE_PX * scale
+    widths = [cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, thickness)[0][0] for text, _ in entries]
+    canvas, bottom = image.copy(), image.shape[0]
+    if entries:
+        canvas[max(0, bottom - round(len(entries) * line) - margin) :, : max(widths) + 2 * margin] = 0
     for number, (text, colour) in enumerate(reversed(entries)):
-        at = (round(14 * scale), image.shape[0] - round((14 + number * _LEGEND_LINE_PX) * scale))
-        for ink, thickness in (((0, 0, 0), 5), (colour, 2)):
-            width = max(1, round(thickness * scale))
-            cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, ink, width, cv2.LINE_AA)
+        at = (margin, bottom - margin - round(number * line))
+        cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, thickness, cv2.LINE_AA)
     return canvas

@@ -13,6 +13,7 @@ from vision.candidates import Workspace
 from vision.explain import MODEL_FREE_PANELS, PANELS, explain, explain_view
 from vision.grouping import detect_ellipses, group_edges
 from vision.localizer import EllipseLocalizer
+from vision.panel import with_legend
 from vision.stages import HALF_RESOLUTION_COLOUR, PRUNED_COLOURS, WHITE, support_colour
 
 WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))
@@ -162,3 +163,14 @@ def test_colours_of_support_go_from_red_to_green() -> None:
     assert support_colour(0.0)[:2] == (255, 0)
     assert support_colour(0.5)[:2] == (255, 255)
     assert support_colour(1.0)[:2] == (0, 255)
+
+
+def test_a_legend_covers_the_lower_left_corner_alone() -> None:
+    image = np.full((480, 640, 3), 255, np.uint8)
+    canvas = with_legend(image, [("few", (250, 0, 0)), ("more", (0, 250, 0))])
+    changed = np.argwhere((canvas != 255).any(axis=2))
+    assert changed[:, 0].min() > 400
+    assert changed[:, 1].max() < 120
+    red, green = (np.argwhere(canvas[..., c] > canvas[..., 1 - c])[:, 0].mean() for c in (0, 1))
+    assert red < green, "the first entry stands above the second"
+    assert np.array_equal(with_legend(image, []), image)
