@@ -50,12 +50,16 @@ class Evidence:
         promise: (N,) mean support of the salient circles times the share in sight: before a pose is exact, long
             edges near it promise more than short ones on it.
         views: (N,) number of views whose support is at least half of the best view's.
+        of_circle: (N, C) mean support of each circle of the contour.
+        samples: (N, C) number of its samples in sight, over all views; 0 where a circle is not seen.
     """
 
     score: Array
     salient: Array
     promise: Array
     views: NDArray[np.intp]
+    of_circle: Array
+    samples: Array
 
 
 class SceneEdges:
@@ -102,6 +106,8 @@ class SceneEdges:
             np.maximum(salient - lacking, 0.0),
             salient * shown / LEAST_SHOWN,
             np.count_nonzero(of_view > 0.5 * np.maximum(of_view.max(axis=1, keepdims=True), 0.1), axis=1),
+            mean,
+            seen.sum(axis=1),
         )
 
     def align(self, poses: Array, contour: ModelContour, reaches_px: Sequence[float], *, inplane: bool) -> Mask:

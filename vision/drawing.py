@@ -93,9 +93,9 @@ def ellipse_strokes(features: Sequence[EllipseFeature]) -> Strokes:
     return Strokes(lines, np.array([PROCESS_COLOURS[feature.process] for feature in features], np.uint8))
 
 
-def region_strokes(regions: Sequence[Region]) -> Strokes:
-    """Outer and inner boundaries of regions, a colour for each (Fig. 7)."""
-    colours = region_colours(regions)
+def region_strokes(regions: Sequence[Region], colours: Sequence[Colour] | Image | None = None) -> Strokes:
+    """Outer and inner boundaries of regions, in a colour for each (Fig. 7): those given, or their own."""
+    colours = region_colours(regions) if colours is None else np.array(colours, np.uint8).reshape(-1, 3)
     pairs = [
         (_closed(boundary), colour)
         for region, colour in zip(regions, colours, strict=True)
@@ -125,23 +125,29 @@ def group_strokes(grouping: Grouping) -> Strokes:
     return Strokes(lines, np.array([colour for _, colour in members], np.uint8))
 
 
-def model_strokes(contour: ModelContour, T_world_part: Array, view: View) -> Strokes:
+def model_strokes(
+    contour: ModelContour, T_world_part: Array, view: View, colours: Mapping[int, Colour] | None = None
+) -> Strokes:
     """The circles of a vision model that face the camera, superimposed on a view (Figs. 11 c, 12 b).
 
     Args:
         contour: the sampled model.
         T_world_part: 4x4 pose.
         view: with a distortion-free lens.
+        colours: RGB of the circles to draw, by number; None for all, salient ones brighter.
     """
+    if colours is None:
+        salient = contour.circle_salient.tolist()
+        colours = {n: SALIENT_COLOUR if yes else SUPPORTING_COLOUR for n, yes in enumerate(salient)}
     projection = contour.project(T_world_part, view)
     circle = contour.circle[projection.index]
-    lines, colours = [], []
-    for number in np.unique(circle):
+    lines, of_line = [], []
+    for number in [n for n in np.unique(circle).tolist() if n in colours]:
         mine = np.flatnonzero(circle == number)
         if contour.circle_drawn[number]:
             ticks = _ticks(projection.pixels[mine], projection.normals[mine])
             lines += ticks
-            colours += [SUPPORTING_COLOUR] * len(ticks)
+            of_line += [colours[number]] * len(ticks)
             continue
         samples = projection.index[mine]
         # Samples that turn away from the camera leave gaps, over which no line may run.
@@ -149,14 +155,27 @@ def model_strokes(contour: ModelContour, T_world_part: Array, view: View) -> Str
         if len(samples) == np.count_nonzero(contour.circle == number):
             runs = [_closed(runs[0])]
         lines += runs
-        colours += [SALIENT_COLOUR if contour.circle_salient[number] else SUPPORTING_COLOUR] * len(runs)
-    return Strokes(tuple(lines), np.array(colours, np.uint8))
+        of_line += [colours[number]] * len(runs)
+    return Strokes(tuple(lines), np.array(of_line, np.uint8))
 
 
 def _ticks(pixels: Array, normals: Array) -> list[Array]:
     """A short line (2, 2) along the edge at each point of a pattern."""
     along = 0.5 * TICK_PX * np.column_stack([-normals[:, 1], normals[:, 0]])
     return list(np.stack([pixels - along, pixels + along], axis=1))
+
+
+def halved(image: Image, most_px: int) -> tuple[Image, int]:
+    """Halve an image until neither side is longer than this.
+
+    Returns:
+        The smaller image, and the side of its pixels in those of the given one; the centres of its pixels are those
+        of every so many.
+    """
+    factor = 1
+    while max(image.shape[:2]) > most_px:
+        image, factor = np.asarray(cv2.pyrDown(image), np.uint8), 2 * factor
+    return image, factor
 
 
 def paint(image: Image, strokes: Strokes, *, zoom: int = 1, thickness_px: int = 1) -> Image:
@@ -210,33 +229,40 @@ def enlarge(image: Image, zoom: int) -> Image:
     return np.ascontiguousarray(rgb.repeat(zoom, axis=0).repeat(zoom, axis=1))
 
 
-def contact_sheet(panels: Mapping[str, Image], columns: int = 3, panel_width_px: int = 640) -> Image:
+def contact_sheet(panels: Mapping[str, Image], columns: int = 3, box_px: int = 640) -> Image:
     """Put panels beside each other, each under its title.
 
     Args:
-        panels: RGB images of one size by title, at least one.
+        panels: RGB images by title, at least one.
         columns: panels in a row.
-        panel_width_px: width to which the panels are scaled.
+        box_px: side of the square into which each panel is fitted, however narrow it is.
 
     Raises:
         InputError: when there is no panel.
     """
     if not panels:
         raise InputError("contact sheet", got="no panels", expected="at least one")
-    height, width = next(iter(panels.values())).shape[:2]
-    size = (panel_width_px, max(1, round(height * panel_width_px / width)))
-    cells = [_titled(title, panel, size) for title, panel in panels.items()]
+    fitted = {title: fit_into(panel, box_px) for title, panel in panels.items()}
+    height = max(panel.shape[0] for panel in fitted.values())
+    cells = [_titled(title, panel, height, box_px) for title, panel in fitted.items()]
     columns = min(columns, len(cells))
     cells += [np.full_like(cells[0], 255)] * (-len(cells) % columns)
     rows = [np.hstack(cells[start : start + columns]) for start in range(0, len(cells), columns)]
     return np.vstack(rows)
 
 
-def _titled(title: str, panel: Image, size: tuple[int, int]) -> Image:
-    smaller = size[0] < panel.shape[1]
-    scaled = cv2.resize(panel, size, interpolation=cv2.INTER_AREA if smaller else cv2.INTER_NEAREST)
-    cell = np.full((size[1] + _TITLE_HEIGHT_PX + _MARGIN_PX, size[0] + 2 * _MARGIN_PX, 3), 255, np.uint8)
-    cell[_TITLE_HEIGHT_PX : _TITLE_HEIGHT_PX + size[1], _MARGIN_PX : _MARGIN_PX + size[0]] = scaled
+def fit_into(image: Image, box_px: int) -> Image:
+    """An image enlarged or reduced until its longer side is that of a square."""
+    height, width = image.shape[:2]
+    scale = box_px / max(height, width)
+    size = (max(1, round(scale * width)), max(1, round(scale * height)))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST))
+
+
+def _titled(title: str, panel: Image, height: int, width: int) -> Image:
+    cell = np.full((height + _TITLE_HEIGHT_PX + _MARGIN_PX, width + 2 * _MARGIN_PX, 3), 255, np.uint8)
+    left = _MARGIN_PX + (width - panel.shape[1]) // 2
+    cell[_TITLE_HEIGHT_PX : _TITLE_HEIGHT_PX + panel.shape[0], left : left + panel.shape[1]] = panel
     baseline = (_MARGIN_PX, _TITLE_HEIGHT_PX - 11)
     cv2.putText(cell, title, baseline, cv2.FONT_HERSHEY_SIMPLEX, 0.6, (40, 40, 40), 1, cv2.LINE_AA)
     return cell

@@ -1,125 +1,161 @@
-"""What both extractors do with one image, stage by stage, as pictures (Figs. 5 to 8)."""
+"""What both extractors and the matching do with one image, stage by stage, as pictures (Figs. 5 to 9, 11 and 12)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.drawing import (
-    Image,
-    Strokes,
-    ellipse_strokes,
-    enlarge,
-    fragment_strokes,
-    group_strokes,
-    paint,
-    paint_regions,
-    plain_strokes,
-)
+from vision import stages
+from vision.camera import View
+from vision.drawing import halved
 from vision.edges import as_gray
 from vision.ellipse import Ellipse
-from vision.ellipse_filter import moment_estimate
-from vision.filter_history import filter_history
-from vision.grouping import Grouping, group_edges
+from vision.extraction import Extraction
+from vision.grouping import Grouping, detect_ellipses, group_edges
+from vision.model_contour import ModelContour
+from vision.panel import Panel, Paper
+from vision.pose import PoseEstimate
 from vision.regions import region_ellipses
 from vision.segmentation import segment
+from vision.vision_model import VisionModel
+
+__all__ = ["LARGEST_PX", "MODEL_FREE_PANELS", "PANELS", "Panel", "explain", "explain_view"]
 
 FINE_BELOW_PX = 1000
-"""Images narrower than this are drawn at twice their size."""
+"""Images with shorter sides than this are drawn at twice their size."""
 
-FILTER_POINTS = (4, 8, 16, 32, 64)
-"""After how many points the state of the filter is drawn."""
+LARGEST_PX = 1600
+"""Images with a longer side are halved before anything else, as :func:`vision.grouping.detect_ellipses` does."""
 
-WHITE = (255, 255, 255)
-_FADE = 0.45
+MODEL_FREE_PANELS = ("1_edges", "2_regions", "3_region_ellipses", "4_fragments", "5_groups", "6_filter")
+"""Names of the panels of an image about which nothing is known."""
 
+PANELS = (
+    "1_edges",
+    "2_regions",
+    "2b_pruned_regions",
+    "3_region_ellipses",
+    "4_fragments",
+    "5_groups",
+    "6_filter",
+    "7_supporting_features",
+    "8_poses",
+)
+"""Names of the panels of a view in which taught parts were looked for with both extractors."""
 
-@dataclass(frozen=True, eq=False)
-class Panel:
-    """One picture of a stage.
-
-    Attributes:
-        name: for a file, for example ``4_fragments``.
-        title: for people.
-        image: RGB; read-only.
-    """
-
-    name: str
-    title: str
-    image: Image
-
-    def __post_init__(self) -> None:
-        view = self.image.view()
-        view.flags.writeable = False
-        object.__setattr__(self, "image", view)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the image stays read-only."""
-        return (Panel, (self.name, self.title, self.image))
+_SAME_PX = 1e-3
 
 
 def explain(image: NDArray[np.generic]) -> tuple[Panel, ...]:
     """Run region growing and edge grouping on an image and draw what each stage found.
 
+    The groups are those of :func:`vision.grouping.detect_ellipses`.
+
     Args:
-        image: uint8, (H, W) grey or (H, W, 3) RGB.
+        image: uint8, (H, W) grey or (H, W, 3) RGB. One with more than 1600 px along a side is halved first.
 
     Returns:
-        Edges, regions, region ellipses, fragments, groups, the filter on the best group, in this order.
+        The panels of ``MODEL_FREE_PANELS``.
 
     Raises:
         InputError: when it is not an image, see :func:`vision.edges.as_gray`.
     """
-    gray = as_gray(image)
-    zoom = 2 if gray.shape[1] < FINE_BELOW_PX else 1
-    segmentation, grouping = segment(gray), group_edges(gray)
-    features = region_ellipses(segmentation, gray)
-    bounded = {feature.attributes for feature in features}
-    kept = [region for region in segmentation.regions if region.attributes in bounded]
-    # Lines show better on a faded picture.
-    faded = np.asarray(gray * _FADE, np.uint8)
-    regions = paint_regions(gray, segmentation, segmentation.regions, zoom=zoom)
-    pruned = paint(paint_regions(faded, segmentation, kept), ellipse_strokes(features), zoom=zoom, thickness_px=zoom)
-    fragments = paint(faded, fragment_strokes(grouping), zoom=zoom, thickness_px=zoom)
-    groups = paint(faded, group_strokes(grouping), zoom=zoom, thickness_px=2 * zoom)
-    outlines = plain_strokes(ellipse_strokes(grouping.features).lines, WHITE)
-    groups = _paint_over(groups, outlines, zoom)
+    whole = as_gray(image)
+    gray, factor = halved(whole, LARGEST_PX)
+    paper = Paper(gray, _zoom(gray))
+    segmentation = segment(gray)
+    grouping, coarse = _detected(group_edges(gray), detect_ellipses(whole), factor)
     return (
-        Panel("1_edges", f"Edges: {len(grouping.edges.closed)} chains", _edges(grouping, zoom)),
-        Panel("2_regions", f"Region growing: {len(segmentation.regions)} regions", regions),
-        Panel("3_region_ellipses", f"Regions with an elliptic boundary: {len(features)} ellipses", pruned),
-        Panel("4_fragments", f"Edge grouping: {len(grouping.table)} fragments", fragments),
-        Panel("5_groups", f"Groups of fragments: {len(grouping.features)} ellipses", groups),
-        Panel(
-            "6_filter", "Kalman filter: the best ellipse after more and more points", _filter(faded, grouping, zoom)
-        ),
+        _edges_of_groups(paper, grouping),
+        stages.regions(paper, segmentation),
+        stages.region_ellipses(paper, segmentation, region_ellipses(segmentation, gray), segmentation.regions),
+        stages.fragments(paper, grouping),
+        stages.groups(paper, grouping, coarse),
+        stages.kalman_filter(paper, grouping.features),
     )
 
 
-def _filter(faded: Image, grouping: Grouping, zoom: int) -> Image:
-    """The estimate of the Kalman filter, from orange before the first point to white after all."""
-    if not grouping.features:
-        return paint(faded, plain_strokes((), WHITE), zoom=zoom)
-    best = max(grouping.features, key=lambda f: len(f.points) * f.score)
-    points = best.points[np.random.default_rng(0).permutation(len(best.points))]
-    start = moment_estimate(points)
-    states = list(filter_history(points, start))
-    shown = [states[min(n, len(states)) - 1] for n in FILTER_POINTS if n <= len(states)] + states[-1:]
-    rings = [ellipse.sample(120) for ellipse in (Ellipse(start), *(state.ellipse for state in shown))]
-    lines = tuple(np.vstack([ring, ring[:1]]) for ring in rings)
-    shades = np.linspace(0, 1, len(lines))
-    colours = np.array([(255, 140 + 115 * s, 255 * s) for s in shades], np.uint8)
-    return paint(faded, Strokes(lines, colours), zoom=zoom, thickness_px=zoom)
+def explain_view(
+    view: View,
+    extraction: Extraction,
+    estimates: Sequence[PoseEstimate],
+    models: Sequence[VisionModel],
+    zoom: int | None = None,
+) -> tuple[Panel, ...]:
+    """Draw how taught parts were found in a view.
+
+    Args:
+        view: with a distortion-free lens.
+        extraction: what the localizer's extractors found in it,
+            see :meth:`vision.localizer.EllipseLocalizer.extraction`.
+        estimates: the poses that the localizer stands by, from this view and others.
+        models: of the parts.
+        zoom: whole number by which the panels are larger than the view; None for 2 where it is small.
+
+    Returns:
+        The panels of ``PANELS``; without those of an extractor that was not asked.
+    """
+    paper = Paper(view.gray, zoom or _zoom(view.gray))
+    contours = {model.part: _contour(model, estimates, view) for model in models}
+    panels = [_edges(paper, extraction)]
+    segmentation, grouping = extraction.segmentation, extraction.grouping
+    if segmentation is not None:
+        found = extraction.of_process("region")
+        left = segmentation.regions if extraction.constraints is None else segmentation.prune(extraction.constraints)
+        panels += [
+            stages.regions(paper, segmentation),
+            stages.pruned_regions(paper, segmentation, extraction.constraints),
+            stages.region_ellipses(paper, segmentation, found, left),
+        ]
+    if grouping is not None:
+        shown = replace(grouping, features=extraction.of_process("group"))
+        panels += [
+            stages.fragments(paper, shown),
+            stages.groups(paper, shown),
+            stages.kalman_filter(paper, shown.features),
+        ]
+    panels += [draw(paper, view, estimates, contours) for draw in (stages.supporting_features, stages.poses)]
+    return tuple(panels)
 
 
-def _edges(grouping: Grouping, zoom: int) -> Image:
-    """Dark edge pixels on white."""
-    return enlarge(np.where(grouping.edges.index >= 0, 30, 255).astype(np.uint8), zoom)
+def _zoom(gray: NDArray[np.uint8]) -> int:
+    return 2 if max(gray.shape) < FINE_BELOW_PX else 1
 
 
-def _paint_over(canvas: Image, strokes: Strokes, zoom: int) -> Image:
-    """Draw strokes given in pixels of the original on an image that is enlarged already."""
-    moved = tuple((line + 0.5) * zoom - 0.5 for line in strokes.lines)
-    return paint(canvas, Strokes(moved, strokes.colours))
+def _edges(paper: Paper, extraction: Extraction) -> Panel:
+    """Those of edge grouping; the linked ones of region growing where that works alone."""
+    if extraction.grouping is not None:
+        return _edges_of_groups(paper, extraction.grouping)
+    segmentation = extraction.segmentation
+    linked = np.zeros(paper.gray.shape, np.bool_) if segmentation is None else segmentation.edges
+    return stages.edges(paper, linked, f"{np.count_nonzero(linked)} pixels")
+
+
+def _edges_of_groups(paper: Paper, grouping: Grouping) -> Panel:
+    return stages.edges(paper, grouping.edges.index >= 0, f"{len(grouping.edges)} chains")
+
+
+def _detected(grouping: Grouping, detected: NDArray[np.float64], factor: int) -> tuple[Grouping, tuple[Ellipse, ...]]:
+    """The groups that a detection returns, and the ellipses that it found at half their resolution.
+
+    Args:
+        grouping: of the image that is drawn.
+        detected: (N, 5) of the whole image.
+        factor: side of a pixel of the former in pixels of the latter.
+    """
+    rows = detected / (factor, factor, factor, factor, 1)
+    own = np.array([feature.ellipse.geometric for feature in grouping.features]).reshape(-1, 5)
+    same = np.abs(rows[:, None, :4] - own[None, :, :4]).max(axis=2) < _SAME_PX
+    kept = tuple(f for f, yes in zip(grouping.features, same.any(axis=0), strict=True) if yes)
+    coarse = tuple(Ellipse.from_geometric(*row) for row in rows[~same.any(axis=1)])
+    return replace(grouping, features=kept), coarse
+
+
+def _contour(model: VisionModel, estimates: Sequence[PoseEstimate], view: View) -> ModelContour:
+    """The model sampled for the distance at which the first of its instances lies."""
+    eye = view.T_world_camera.translation
+    distances = [np.linalg.norm(e.T_world_part.translation - eye) for e in estimates if e.part == model.part]
+    return ModelContour.of(model, view.camera.fx / float(distances[0]) if distances else 1.0)

@@ -13,15 +13,13 @@ from vision.camera import View
 from vision.candidates import Workspace
 from vision.errors import InputError
 from vision.evidence import EdgeField
+from vision.extraction import Extraction, run_extractors
 from vision.extraction_thresholds import ExtractionThresholds
 from vision.features import EllipseFeature, Process
-from vision.grouping import group_edges, group_ellipses
 from vision.matching import Matcher
 from vision.matching_parameters import MatchingParameters
 from vision.pose import PoseEstimate
 from vision.region_attributes import AttributeConstraints
-from vision.regions import region_ellipses
-from vision.segmentation import segment
 from vision.vision_model import VisionModel
 
 GREY_SLACK = (0.1, 2.5)
@@ -134,18 +132,20 @@ class EllipseLocalizer:
 
     def features_and_arcs(self, view: View, workspace: Workspace | None) -> tuple[list[EllipseFeature], list[Arc]]:
         """The ellipses of a view, and the arcs to fall back on where both extractors are at work."""
-        thresholds = common_thresholds(self.models)
-        found: list[EllipseFeature] = []
+        found = self.extraction(view, workspace)
         arcs: list[Arc] = []
-        if "region" in self.processes:
-            found += _region_features(view, attribute_constraints(self.models, view, workspace), thresholds)
-        if "group" in self.processes:
-            grouping = group_edges(view.gray, thresholds.grouping)
-            found += grouping.features
-            if workspace is not None and len(self.processes) > 1:
-                arcs = arcs_of(grouping, SHORTEST_ARC * self._outline_px(view, workspace))
+        if found.grouping is not None and workspace is not None and len(self.processes) > 1:
+            arcs = arcs_of(found.grouping, SHORTEST_ARC * self._outline_px(view, workspace))
+        return list(found.features), arcs
+
+    def extraction(self, view: View, workspace: Workspace | None = None) -> Extraction:
+        """What every stage of the extractors finds in one view with a distortion-free lens."""
+        constraints = attribute_constraints(self.models, view, workspace)
+        found = run_extractors(view.gray, self.processes, constraints, common_thresholds(self.models))
         smallest, largest = self._sizes_px(view, workspace)
-        return [f for f in found if smallest < f.ellipse.semi_axes[0] < largest], arcs
+        return replace(
+            found, features=tuple(f for f in found.features if smallest < f.ellipse.semi_axes[0] < largest)
+        )
 
     def _outline_px(self, view: View, workspace: Workspace) -> float:
         """Radius of the smallest part's outline at the far side of the workspace."""
@@ -194,20 +194,7 @@ def extract_features(
         constraints: prune the regions that no taught part can have; None prunes nothing.
         thresholds: of the extractors; None for their own.
     """
-    thresholds = thresholds or ExtractionThresholds()
-    found: list[EllipseFeature] = []
-    if "region" in processes:
-        found += _region_features(view, constraints, thresholds)
-    if "group" in processes:
-        found += group_ellipses(view.gray, thresholds.grouping)
-    return found
-
-
-def _region_features(
-    view: View, constraints: AttributeConstraints | None, thresholds: ExtractionThresholds
-) -> list[EllipseFeature]:
-    gray, growing = view.gray, thresholds.growing
-    return region_ellipses(segment(gray, growing), gray, constraints, thresholds.boundary_fit, growing)
+    return list(run_extractors(view.gray, processes, constraints, thresholds).features)
 
 
 def common_thresholds(models: Sequence[VisionModel]) -> ExtractionThresholds:

@@ -18,6 +18,7 @@ from vision.development import CLASHING_SHARE, Development
 from vision.ellipse_observations import observe_ellipses
 from vision.ellipse_table import EllipseTable
 from vision.evidence import EdgeField
+from vision.feature_support import features_supported
 from vision.features import EllipseFeature
 from vision.hypothesis_pool import HypothesisPool
 from vision.matching_parameters import MatchingParameters
@@ -204,6 +205,9 @@ class Matcher:
             residual_px=refined.residual_px,
             views=int(evidence.views[0]),
             inplane_known=known,
+            features=features_supported(
+                self.model, contour.circle_feature, evidence.of_circle[0], evidence.samples[0]
+            ),
         )
 
     def _refined(self, T: Array, inplane: bool, contour: ModelContour) -> Refinement | None:

@@ -73,6 +73,11 @@ class ModelContour:
         return float(np.hypot(self.points[:, 0], self.points[:, 1]).max(initial=0.0))
 
     @cached_property
+    def circle_feature(self) -> NDArray[np.intp]:
+        """(C,) number of the feature that a circle is a copy of: the model's circles first, then its patterns."""
+        return np.asarray(np.cumsum(self.circle_copies > 0) - 1, np.intp)
+
+    @cached_property
     def samples(self) -> ContourSamples:
         """The samples for the compiled loops."""
         points, tangents, normals = (np.ascontiguousarray(a.T) for a in (self.points, self.tangents, self.normals))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.camera import View, camera_arrays
+from vision.feature_support import FeatureSupport
 from vision.visibility import moved, rotated
 
 Array = NDArray[np.float64]
@@ -38,6 +39,7 @@ class PoseEstimate:
         residual_px: root mean square distance of the edge points used from the projected model.
         views: number of views that support the pose.
         inplane_known: whether supporting features settled the rotation about the part's axis.
+        features: for every feature of the vision model, the edges that confirm it; empty from methods that ask none.
     """
 
     part: str
@@ -48,6 +50,7 @@ class PoseEstimate:
     residual_px: float
     views: int
     inplane_known: bool
+    features: tuple[FeatureSupport, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

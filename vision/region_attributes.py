@@ -54,6 +54,14 @@ class AttributeConstraints:
         """Whether every attribute lies within its bounds, ends included."""
         return all(low <= getattr(attributes, name) <= high for name, (low, high) in self._bounds())
 
+    def violations(self, attributes: RegionAttributes) -> dict[str, str]:
+        """The attributes that lie outside their bounds, and on which side: "small" or "large"."""
+        return {
+            name: "small" if getattr(attributes, name) < low else "large"
+            for name, (low, high) in self._bounds()
+            if not low <= getattr(attributes, name) <= high
+        }
+
     def hold(self, **measured: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Which of N things the constraints allow by the attributes given, each (N,), whatever the others are."""
         held = np.ones(np.broadcast_shapes(*(m.shape for m in measured.values())), np.bool_)

@@ -15,6 +15,8 @@ from vision.errors import InputError, ResourceError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from vision.vision_model import VisionModel
+
 _PRESET = "(default: the preset's)"
 _LEFT_OUT = "(optional)"
 
@@ -28,6 +30,20 @@ OptionalPath = Annotated[Path | None, tyro.conf.arg(metavar="PATH", help_behavio
 Name = Annotated[str, tyro.conf.arg(metavar="NAME")]
 Number = Annotated[int, tyro.conf.arg(metavar="N")]
 SweepDirectory = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
+
+
+def named_model(name: Path) -> VisionModel:
+    """The vision model in a file, or the one that is shipped for the part of that name.
+
+    Raises:
+        InputError: there is no such file.
+        FileFormatError: it is corrupt.
+    """
+    from benchmark.localizers import MODELS
+    from vision.model_file import load_model
+
+    shipped = MODELS / f"{name}.json"
+    return load_model(shipped if not name.suffix and not name.exists() and shipped.is_file() else name)
 
 
 def split_parts(text: str | None) -> tuple[str, ...] | None:

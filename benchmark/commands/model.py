@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from benchmark.commands.common import OptionalPath, print_line, results_console
+from benchmark.commands.common import OptionalPath, named_model, print_line, results_console
 
 
 def show(
@@ -23,12 +23,9 @@ def show(
         file: a model file, or the name of a part whose model is shipped.
         out: PNG in which to draw the model from the front and from the side.
     """
-    from benchmark.localizers import MODELS
     from benchmark.report.model_render import print_model
-    from vision.model_file import load_model
 
-    shipped = MODELS / f"{file}.json"
-    model = load_model(shipped if not file.suffix and not file.exists() and shipped.is_file() else file)
+    model = named_model(file)
     print_model(model, results_console())
     if out is not None:
         from benchmark.report.model_figure import save_model_figure  # matplotlib is slow to import

@@ -7,6 +7,7 @@ import rerun.blueprint as rrb
 
 from benchmark.report.rerun_scene import TIME
 from benchmark.world.scene import CellConfig
+from vision.explain import PANELS
 
 VIEWS, LOCALIZED = "world/views", "world/localized"
 OUTCOME, ERRORS, EVENTS, CHARTS = "outcome", "errors", "events", "charts"
@@ -27,6 +28,11 @@ _BACKGROUND = (52, 56, 62)
 def view_entity(index: int) -> str:
     """The entity path of a viewpoint: a pinhole camera, with its picture and the drawings below."""
     return f"{VIEWS}/{index + 1}"
+
+
+def stage_entity(index: int, panel: str) -> str:
+    """The entity path of a panel of a viewpoint, one of :data:`vision.explain.PANELS`."""
+    return f"{view_entity(index)}/explain/{panel}"
 
 
 def episode_blueprint(cell: CellConfig, views: int) -> rrb.Blueprint:
@@ -66,7 +72,7 @@ def _cell_view(cell: CellConfig, views: int) -> rrb.Spatial3DView:
     hidden = [
         f"- /{view_entity(index)}/{layer}/**"
         for index in range(views)
-        for layer in ("regions", "fragments", "ellipses")
+        for layer in ("regions", "fragments", "ellipses", "explain")
     ]
     return rrb.Spatial3DView(
         origin="world",
@@ -80,7 +86,12 @@ def _cell_view(cell: CellConfig, views: int) -> rrb.Spatial3DView:
 
 def _images(views: int) -> rrb.Tabs:
     tabs = [rrb.Grid(*_layers(index), grid_columns=2, name=f"View {index + 1}") for index in range(views)]
+    tabs += [rrb.Grid(*_stages(index), grid_columns=3, name=f"Stages {index + 1}") for index in range(views)]
     return rrb.Tabs(*tabs, active_tab=0, name="Images")
+
+
+def _stages(index: int) -> list[rrb.Spatial2DView]:
+    return [rrb.Spatial2DView(origin=stage_entity(index, panel), name=panel) for panel in PANELS]
 
 
 def _layers(index: int) -> list[rrb.Spatial2DView]:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from benchmark.config import EpisodeConfig
-from benchmark.episode import EpisodeObserver, run_episode
+from benchmark.episode import EpisodeObserver, run_episode, workspace
 from benchmark.evaluation import Verdict
-from benchmark.localizers import load_model
+from benchmark.localizers import load_model, make_localizer
 from benchmark.picking import PickOutcome
 from benchmark.records import EpisodeRecord, PieceRecord
 from benchmark.report.rerun_blueprint import (
@@ -24,6 +24,7 @@ from benchmark.report.rerun_blueprint import (
     LOCALIZED,
     OUTCOME,
     episode_blueprint,
+    stage_entity,
     view_entity,
 )
 from benchmark.report.rerun_scene import STAGE, TIME, Motion, log_geometry
@@ -32,6 +33,7 @@ from vision.camera import View
 from vision.drawing import (
     SALIENT_COLOUR,
     Colour,
+    Image,
     Strokes,
     ellipse_strokes,
     fragment_strokes,
@@ -39,11 +41,12 @@ from vision.drawing import (
     region_strokes,
 )
 from vision.errors import InputError
-from vision.grouping import GroupingParameters, group_edges
-from vision.localizer import Localization
+from vision.explain import explain_view
+from vision.extraction import Extraction
+from vision.localizer import EllipseLocalizer, Localization
 from vision.model_contour import ModelContour
 from vision.pose import PoseEstimate
-from vision.segmentation import segment
+from vision.vision_model import VisionModel
 
 Array = NDArray[np.float64]
 
@@ -96,11 +99,13 @@ class RerunLog(EpisodeObserver):
         self._stage = 0
         self._events: list[tuple[str, float]] = []
         self._views: list[View] = []
+        self._extractions: list[Extraction] = []
 
     def begin(self, cell: WorkCell, config: EpisodeConfig) -> None:
         """Log what does not change."""
         self._cell, self._config = cell, config
         self._motion = Motion(cell.model, cell.data)
+        self._localizer = _explained(config)
         self._recording.send_blueprint(episode_blueprint(cell.config, config.views))
         self._recording.send_recording_name(f"{config.key}, seed {config.seed}")
         self._recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -111,7 +116,7 @@ class RerunLog(EpisodeObserver):
         self._motion.sample(self._stage)
 
     def looked(self, index: int, view: View) -> None:
-        """Log the picture, where the robot believes it was taken, and the two segmentations."""
+        """Log the picture, where the robot believes it was taken, and what the extractors make of it."""
         self._next_stage(f"{view.name} taken")
         flat = view.undistorted()
         self._views.append(flat)
@@ -127,12 +132,16 @@ class RerunLog(EpisodeObserver):
             ),
             _transform(flat.T_world_camera),
         )
-        self._recording.log(f"{entity}/image", _jpeg(flat))
-        self._draw(f"{entity}/regions", region_strokes(segment(flat.gray).regions))
-        self._draw(f"{entity}/fragments", fragment_strokes(group_edges(flat.gray, GroupingParameters.for_model())))
+        self._recording.log(f"{entity}/image", _jpeg(flat.image))
+        extraction = self._localizer.extraction(flat, workspace(self._cell.config))
+        self._extractions.append(extraction)
+        if extraction.segmentation is not None:
+            self._draw(f"{entity}/regions", region_strokes(extraction.segmentation.regions))
+        if extraction.grouping is not None:
+            self._draw(f"{entity}/fragments", fragment_strokes(extraction.grouping))
 
     def localized(self, localization: Localization, verdict: Verdict) -> None:
-        """Log ellipses and poses, and the errors of these."""
+        """Log ellipses and poses, the errors of these, and the panels of every stage."""
         self._next_stage(f"{len(localization.estimates)} poses estimated")
         for index, features in enumerate(localization.features):
             for process in ("region", "group"):
@@ -140,6 +149,7 @@ class RerunLog(EpisodeObserver):
                 self._draw(f"{view_entity(index)}/ellipses/{process}", ellipse_strokes(mine))
         for index, view in enumerate(self._views):
             self._draw(f"{view_entity(index)}/models", self._superimposed(localization.estimates, view))
+            self.draw_stages(index, view, self._extractions[index], localization.estimates, self._localizer.models)
         self._log_poses(localization.estimates, verdict)
         self._recording.log(ERRORS, _markdown(errors_text(verdict)))
         self._log_charts(verdict.pieces)
@@ -166,6 +176,18 @@ class RerunLog(EpisodeObserver):
     def _draw(self, entity: str, strokes: Strokes) -> None:
         lines = rr.LineStrips2D(strokes.lines, colors=strokes.colours, radii=rr.Radius.ui_points(_LINE_PX))
         self._recording.log(entity, lines)
+
+    def draw_stages(
+        self,
+        index: int,
+        view: View,
+        extraction: Extraction,
+        estimates: Sequence[PoseEstimate],
+        models: Sequence[VisionModel],
+    ) -> None:
+        """Log the panels that ``focalpick explain`` writes, for one of the views."""
+        for panel in explain_view(view, extraction, estimates, models, zoom=1):
+            self._recording.log(stage_entity(index, panel.name), _jpeg(panel.image))
 
     def _superimposed(self, estimates: tuple[PoseEstimate, ...], view: View) -> Strokes:
         strokes = Strokes((), np.zeros((0, 3), np.uint8))
@@ -280,8 +302,15 @@ def _transform(pose: RigidTransform) -> rr.Transform3D:
     return rr.Transform3D(translation=pose.translation, quaternion=pose.rotation.as_quat())
 
 
-def _jpeg(view: View) -> rr.EncodedImage:
-    """The picture, compressed: recordings stay small, and a JPEG of this quality looks the same."""
-    image = view.image if view.image.ndim == 2 else cv2.cvtColor(view.image, cv2.COLOR_RGB2BGR)
-    encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1]
+def _explained(config: EpisodeConfig) -> EllipseLocalizer:
+    """The localizer whose stages are drawn: that of the episode; the dual one where that has no such stages."""
+    models = [load_model(part, config.models) for part in config.parts]
+    localizer = make_localizer(config.localizer, models, tuple)
+    return localizer if isinstance(localizer, EllipseLocalizer) else EllipseLocalizer(models)
+
+
+def _jpeg(image: Image) -> rr.EncodedImage:
+    """A picture, compressed: recordings stay small, and a JPEG of this quality looks the same."""
+    bgr = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1]
     return rr.EncodedImage(contents=encoded.tobytes(), media_type="image/jpeg")

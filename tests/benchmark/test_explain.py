@@ -5,10 +5,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmark import cli
-
-PANELS = ("1_edges", "2_regions", "3_region_ellipses", "4_fragments", "5_groups", "6_filter", "contact_sheet")
+from benchmark.localizers import MODELS, load_model
+from benchmark.report.rerun_blueprint import stage_entity
+from benchmark.report.rerun_log import RerunLog
+from vision.camera import Camera, View
+from vision.explain import MODEL_FREE_PANELS, PANELS
+from vision.localizer import EllipseLocalizer
+from vision.model_contour import ModelContour
 
 
 @pytest.fixture
@@ -28,10 +34,92 @@ def test_explain_writes_every_panel(
     cv2.imwrite(str(source), cv2.imread(str(drawing)))
     out = tmp_path / "a" / "b"
     assert cli.main(["explain", str(source), "--out", str(out)]) == 0
-    assert {path.stem for path in out.iterdir()} == set(PANELS)
-    for name in PANELS[:-1]:
+    assert {path.stem for path in out.iterdir()} == {*MODEL_FREE_PANELS, "contact_sheet"}
+    for name in MODEL_FREE_PANELS:
         assert cv2.imread(str(out / f"{name}.png")).shape == (300, 400, 3)
     assert str(out / "contact_sheet.png") in capsys.readouterr().err
+
+
+def drawn_cover(path: Path, scale: int = 1) -> None:
+    """A front view of cover 2 in white lines, at the distance from which the benchmark sees it."""
+    camera = Camera.from_lens(0.016, (0.0048, 0.0036), (640, 480))
+    T_world_part = RigidTransform.from_components(
+        [0.005, -0.004, 0.72], Rotation.from_euler("xz", [170, 20], degrees=True)
+    )
+    view = View(np.zeros((480, 640), np.uint8), camera, RigidTransform.identity())
+    contour = ModelContour.of(load_model("cover2"), camera.fx / 0.72)
+    image = np.full((480 * scale, 640 * scale), 50, np.uint8)
+    found = contour.project(T_world_part.as_matrix(), view)
+    circle = contour.circle[found.index]
+    for number in np.flatnonzero(~contour.circle_drawn):
+        ring = ((found.pixels[circle == number] + 0.5) * scale - 0.5) * 16
+        if len(ring):
+            cv2.polylines(image, [np.rint(ring).astype(np.int32)], True, 230, 2 * scale, cv2.LINE_AA, 4)
+    cv2.imwrite(str(path), image)
+
+
+@pytest.mark.parametrize(("part", "scale"), [("cover2", 1), (str(MODELS / "cover2.json"), 4)])
+def test_with_a_model_it_is_found_in_one_picture_and_every_stage_drawn(
+    part: str, scale: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drawn_cover(tmp_path / "cover.png", scale)
+    assert cli.main(["explain", str(tmp_path / "cover.png"), "--model", part, "--out", str(tmp_path / "out")]) == 0
+    assert {path.stem for path in (tmp_path / "out").iterdir()} == {*PANELS, "contact_sheet"}
+    assert "Superimposed model: 1 poses" in capsys.readouterr().err
+
+
+def test_what_is_known_of_the_camera_is_used(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drawn_cover(tmp_path / "cover.png")
+    command = ["explain", str(tmp_path / "cover.png"), "--model", "cover2", "--out", str(tmp_path / "out")]
+    lens = ["--camera", "2133", "2133", "319.5", "239.5"]
+    assert cli.main([*command, *lens, "--depth-mm", "600", "900"]) == 0
+    assert "Superimposed model: 1 poses" in capsys.readouterr().err
+    assert cli.main([*command, *lens, "--depth-mm", "1500", "2000"]) == 0
+    assert "Superimposed model: 0 poses" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["--camera", "1", "1", "0", "0"], "--camera"),
+        (["--depth-mm", "1", "2"], "--depth-mm"),
+        (["--model", "cover2", "--depth-mm", "2", "1"], "--depth-mm"),
+        (["--model", "cover2", "--camera", "0", "1", "0", "0"], "intrinsics"),
+        (["--model", "nothing.json"], "nothing.json"),
+    ],
+)
+def test_options_that_say_nothing_are_one_line(
+    arguments: list[str], named: str, drawing: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["explain", str(drawing), "--out", str(tmp_path / "out"), *arguments]) == 2
+    err = capsys.readouterr().err
+    assert named in err
+    assert err.count("\n") == 1
+
+
+class Recording:
+    """Notes the entities that are logged."""
+
+    def __init__(self) -> None:
+        self.entities: list[str] = []
+
+    def log(self, entity: str, *_: object) -> None:
+        self.entities.append(entity)
+
+
+def test_rerun_has_the_panels_that_the_command_writes(tmp_path: Path) -> None:
+    drawn_cover(tmp_path / "cover.png")
+    assert (
+        cli.main(["explain", str(tmp_path / "cover.png"), "--model", "cover2", "--out", str(tmp_path / "out")]) == 0
+    )
+    written = {path.stem for path in (tmp_path / "out").iterdir()} - {"contact_sheet"}
+    camera = Camera.from_lens(0.016, (0.0048, 0.0036), (640, 480))
+    view = View(cv2.imread(str(tmp_path / "cover.png")), camera, RigidTransform.identity())
+    recording = Recording()
+    log = RerunLog(recording)  # type: ignore[arg-type]
+    localizer = EllipseLocalizer([load_model("cover2")])
+    log.draw_stages(1, view, localizer.extraction(view), localizer.localize([view]).estimates, localizer.models)
+    assert set(recording.entities) == {stage_entity(1, name) for name in written}
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no image", b"\x89PNG\r\n\x1a\nbroken"])

@@ -10,9 +10,10 @@ import pytest
 from benchmark.config import EpisodeConfig
 from benchmark.evaluation import Verdict
 from benchmark.records import EpisodeRecord, PickRecord, PieceRecord, PoseErrors, ProcessResult
-from benchmark.report.rerun_blueprint import LAYERS, view_entity
+from benchmark.report.rerun_blueprint import LAYERS, stage_entity, view_entity
 from benchmark.report.rerun_log import errors_text, outcome_text, record_episode, summary
 from vision.errors import InputError
+from vision.explain import PANELS
 
 CONFIG = EpisodeConfig(("cover2",), pieces=2, seed=3, views=2)
 
@@ -37,6 +38,7 @@ def test_a_recording_verifies_and_holds_everything(recorded: tuple[Path, Episode
     printed = rerun("print", path).stdout
     layers = [layer for layers in LAYERS.values() for layer in layers]
     entities = [f"{view_entity(i)}/{layer}" for i in range(CONFIG.views) for layer in ("image", *layers)]
+    entities += [stage_entity(i, panel) for i in range(CONFIG.views) for panel in PANELS]
     entities += ["world/cell/arm_forearm", "world/cell/arm_gripper_finger_left", "world/pieces/cover2"]
     entities += [f"world/localized/truth/{i}" for i in range(CONFIG.pieces)]
     entities += ["outcome", "errors", "events"]

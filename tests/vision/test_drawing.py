@@ -18,6 +18,7 @@ from vision.drawing import (
     ellipse_strokes,
     fragment_strokes,
     group_strokes,
+    halved,
     model_strokes,
     paint,
     paint_regions,
@@ -26,7 +27,6 @@ from vision.drawing import (
 )
 from vision.ellipse import Ellipse
 from vision.errors import InputError
-from vision.explain import explain
 from vision.features import EllipseFeature
 from vision.grouping import group_edges
 from vision.model_contour import ModelContour
@@ -109,6 +109,7 @@ def test_a_region_keeps_its_colour_when_others_are_pruned() -> None:
     last = segmentation.regions[-1]
     everything, alone = region_strokes(segmentation.regions), region_strokes([last])
     assert np.array_equal(everything.colours[-1], alone.colours[-1])
+    assert region_strokes([last], [(1, 2, 3)]).colours[-1].tolist() == [1, 2, 3]
 
 
 @pytest.mark.parametrize("zoom", [1, 2, 3])
@@ -152,6 +153,15 @@ def test_a_model_is_superimposed_where_it_faces_the_camera(facing: float, count:
         assert np.array_equal(line[0], line[-1])
 
 
+def test_of_a_model_only_circles_with_a_colour_are_drawn_and_in_that() -> None:
+    camera = Camera(120, 100, 100.0, 100.0, 59.5, 49.5)
+    view = View(np.zeros((100, 120), np.uint8), camera, RigidTransform.identity())
+    T_world_part = RigidTransform.from_translation([0.0, 0.0, 2.0]).as_matrix()
+    contour = circle_contour(0.4, -1.0)
+    assert model_strokes(contour, T_world_part, view, {0: (1, 2, 3)}).colours.tolist() == [[1, 2, 3]]
+    assert len(model_strokes(contour, T_world_part, view, {1: (1, 2, 3)})) == 0
+
+
 def test_a_pattern_is_drawn_in_ticks_along_its_edges() -> None:
     camera = Camera(120, 100, 100.0, 100.0, 59.5, 49.5)
     view = View(np.zeros((100, 120), np.uint8), camera, RigidTransform.identity())
@@ -182,7 +192,7 @@ def test_strokes_are_added_checked_and_survive_pickling() -> None:
 
 def test_contact_sheet_has_a_cell_for_each_panel() -> None:
     panels = {str(i): np.full((30, 40, 3), 10 * i, np.uint8) for i in range(1, 5)}
-    sheet = contact_sheet(panels, columns=3, panel_width_px=80)
+    sheet = contact_sheet(panels, columns=3, box_px=80)
     cell_height, cell_width = sheet.shape[0] // 2, sheet.shape[1] // 3
     assert (sheet[cell_height // 2 + 10, cell_width // 2] == 10).all()
     assert (sheet[cell_height + cell_height // 2 + 10, cell_width // 2] == 40).all()
@@ -191,18 +201,15 @@ def test_contact_sheet_has_a_cell_for_each_panel() -> None:
         contact_sheet({})
 
 
-def test_explain_draws_every_stage_of_colour_and_grey_images() -> None:
-    image = disc()
-    panels = explain(image)
-    assert [panel.name for panel in panels] == [
-        "1_edges",
-        "2_regions",
-        "3_region_ellipses",
-        "4_fragments",
-        "5_groups",
-        "6_filter",
-    ]
-    assert {panel.image.shape for panel in panels} == {(200, 240, 3)}
-    assert "1 ellipses" in panels[4].title
-    colour = explain(np.repeat(image[..., None], 3, axis=2))
-    assert all(np.array_equal(a.image, b.image) for a, b in zip(panels, colour, strict=True))
+@pytest.mark.parametrize("shape", [(1, 480), (480, 1), (3000, 3), (1, 1), (2000, 1000)])
+def test_contact_sheet_is_as_large_for_a_narrow_image(shape: tuple[int, int]) -> None:
+    sheet = contact_sheet({"a": np.zeros((*shape, 3), np.uint8), "b": np.zeros((*shape, 3), np.uint8)}, box_px=100)
+    assert max(sheet.shape) < 260
+    assert (sheet == 0).all(axis=2).sum() >= 2 * 100
+
+
+def test_an_image_is_halved_until_it_fits() -> None:
+    image = np.zeros((50, 100), np.uint8)
+    smaller, factor = halved(image, 30)
+    assert (smaller.shape, factor) == ((13, 25), 4)
+    assert halved(image, 100)[1] == 1

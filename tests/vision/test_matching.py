@@ -80,6 +80,21 @@ def test_a_plate_on_its_face_is_found_so_and_its_turn_is_unknown(plate, photogra
     assert about_axis == pytest.approx(np.pi**2 / 3, rel=1e-3)
 
 
+def test_an_estimate_tells_which_features_confirm_it(plate, photograph, pose):
+    front = pose(4, 3, 0, about=(5, 3, 11))
+    (found,) = matcher(plate, photograph([front])).match(perfect(plate, [front], photograph([front])))
+    assert [f.name for f in found.features] == [f.name for f in plate.features]
+    assert [f.role for f in found.features] == [f.role for f in plate.features]
+    told = {f.name: f for f in found.features}
+    for name in ("outline_front", "ring_front", "bore_front", "hole_front"):
+        assert told[name].in_sight == told[name].confirmed == len(told[name].copies)
+        assert told[name].support > 0.9
+    assert len(told["hole_front"].copies) == 3
+    for name in ("outline_back", "bore_back"):
+        assert told[name].copies == (None,)
+        assert told[name].support is None
+
+
 def test_ellipses_without_edges_are_no_plates(plate, scene, photograph):
     views = photograph([])
     assert matcher(plate, views).match(perfect(plate, scene, views)) == []

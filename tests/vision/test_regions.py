@@ -98,7 +98,11 @@ def test_pruning_leaves_what_lies_within_all_bounds():
     assert AttributeConstraints().prune(regions) == list(regions)
     bright = AttributeConstraints(grey_mean=(150, 255)).prune(regions)
     assert [r.attributes.grey_mean > 150 for r in bright] == [True]
-    assert AttributeConstraints(grey_mean=(150, 255), area_px=(0, 10)).prune(regions) == []
+    none = AttributeConstraints(grey_mean=(150, 255), area_px=(0, 10))
+    assert none.prune(regions) == []
+    assert none.violations(bright[0].attributes) == {"area_px": "large"}
+    assert AttributeConstraints(grey_mean=(254, 255)).violations(bright[0].attributes) == {"grey_mean": "small"}
+    assert AttributeConstraints(grey_mean=(150, 255)).violations(bright[0].attributes) == {}
     area = bright[0].attributes.area_px
     assert AttributeConstraints(area_px=(area, area)).prune(regions) == bright
 
