@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from vision import stages
 from vision.camera import View
+from vision.detector import detect_ellipses
 from vision.drawing import halved
 from vision.edges import as_gray
 from vision.ellipse import Ellipse
 from vision.extraction import Extraction
-from vision.grouping import Grouping, detect_ellipses, group_edges
+from vision.grouping import Grouping, group_edges
 from vision.model_contour import ModelContour
 from vision.panel import Panel, Paper
 from vision.pose import PoseEstimate

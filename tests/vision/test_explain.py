@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from vision.candidates import Workspace
+from vision.detector import detect_ellipses
 from vision.explain import MODEL_FREE_PANELS, PANELS, explain, explain_view
-from vision.grouping import detect_ellipses, group_edges
+from vision.grouping import group_edges
 from vision.localizer import EllipseLocalizer
 from vision.panel import with_legend
 from vision.stages import HALF_RESOLUTION_COLOUR, PRUNED_COLOURS, WHITE, support_colour
