@@ -19,14 +19,13 @@ from vision.camera import View
 from vision.candidates import Workspace
 from vision.errors import InputError
 from vision.localizer import EllipseLocalizer, Localization, Localizer
+from vision.localizer_arguments import PRESETS
 from vision.pose import PoseEstimate
 from vision.vision_model import VisionModel
 
 MODELS = Path(__file__).resolve().parents[1] / "assets" / "models"
 ENTRY_POINTS = "focalpick.localizers"
 Truth = Callable[[], Sequence[tuple[str, RigidTransform]]]
-
-_BUILT_IN: dict[str, tuple[str, ...]] = {"dual": ("region", "group"), "region": ("region",), "group": ("group",)}
 
 
 @lru_cache
@@ -62,8 +61,8 @@ def make_localizer(name: str, models: Sequence[VisionModel], truth: Truth) -> Lo
     """
     if name == "oracle":
         return Oracle(truth)
-    if name in _BUILT_IN:
-        return EllipseLocalizer(models, _BUILT_IN[name])  # type: ignore[arg-type]
+    if name in PRESETS:
+        return EllipseLocalizer(models, name)
     localizer = _factory(name)(models)
     if not isinstance(localizer, Localizer):
         raise InputError(
@@ -107,7 +106,7 @@ def _registered(name: str) -> object:
     """What an installed package offers under a name."""
     registered = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
     if name not in registered:
-        known = ", ".join([*_BUILT_IN, "oracle", *sorted(registered)])
+        known = ", ".join([*PRESETS, "oracle", *sorted(registered)])
         raise InputError("localizer", got=name, expected=f"{known}, or package.module:factory")
     try:
         return registered[name].load()
