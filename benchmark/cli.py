@@ -29,6 +29,7 @@ COMMANDS = {
     "sweep": "benchmark.commands.sweep:sweep",
     "teach": "benchmark.commands.teach:teach",
     "explain": "benchmark.commands.explain:explain",
+    "localize": "benchmark.commands.localize:localize",
     "table": "benchmark.commands.table:table",
     "check": "benchmark.commands.check:check",
     "model show": "benchmark.commands.model:show",
