@@ -6,19 +6,20 @@ import functools
 import json
 import re
 import shlex
+import sys
+import tomllib
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 import benchmark.cli
 import vision
 from benchmark.cli import COMMANDS, main
 from benchmark.localizers import load_model, make_localizer
-from vision.camera import Camera, View
-from vision.localizer import Localizer
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = tuple(
@@ -188,19 +189,47 @@ def test_readme_detector_example_runs(tmp_path, monkeypatch, capsys):
     assert capsys.readouterr().out.startswith("(150.0, 100.0)  80.")
 
 
-def test_readme_localizer_runs_by_the_name_that_the_readme_gives_it(tmp_path, monkeypatch):
+@pytest.fixture
+def own_localizer(tmp_path, monkeypatch):
+    """The name that the README gives its localizer, whose file lies in the working directory."""
     (source,) = [block for block in python_blocks() if "def localize" in block]
     (name,) = {
         name for command in documented_focalpick_commands() for name in re.findall(r"--localizer (\S+:\S+)", command)
     }
     (tmp_path / f"{name.partition(':')[0]}.py").write_text(source, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    localizer = make_localizer(name, [load_model("cover1")], tuple)
-    assert isinstance(localizer, Localizer)
-    empty = View(
-        np.full((480, 640), 90, np.uint8), Camera(640, 480, 2133, 2133, 319.5, 239.5), RigidTransform.identity()
-    )
-    assert localizer.localize([empty]).estimates == ()
+    monkeypatch.delitem(sys.modules, name.partition(":")[0], raising=False)
+    return name
+
+
+def test_readme_localizer_hands_on_what_the_papers_system_is_most_sure_of(own_localizer):
+    models = [load_model("cover2")]
+    views = vision.load_views(ROOT / "docs/images/three_views")
+    everything = make_localizer("dual", models, tuple).localize(views).estimates
+    (only,) = make_localizer(own_localizer, models, tuple).localize(views).estimates
+    assert len(everything) == 4
+    assert only.score == max(estimate.score for estimate in everything)
+    assert np.array_equal(only.T_world_part.as_matrix(), everything[0].T_world_part.as_matrix())
+
+
+@pytest.mark.sweep
+def test_readme_localizer_runs_an_episode(own_localizer, capsys):
+    assert main(["run", "--part", "cover2", "--seed", "7", "--task", "none", "--localizer", own_localizer]) == 0
+    out = capsys.readouterr().out
+    assert "cautious" in out
+    assert out.count(" mm, tilt ") == 1  # of four pieces
+    assert out.count("not found") + out.count("not matched") == 3
+
+
+def test_readme_entry_point_leads_to_the_localizer(own_localizer, monkeypatch):
+    (text,) = re.findall(r"^```toml\n(.*?)^```", read("README.md"), flags=re.MULTILINE | re.DOTALL)
+    groups = tomllib.loads(text)["project"]["entry-points"]
+    points = [EntryPoint(name, value, group) for group, named in groups.items() for name, value in named.items()]
+    monkeypatch.setattr("benchmark.localizers.entry_points", lambda group: [p for p in points if p.group == group])
+    (point,) = points
+    assert point.value == own_localizer
+    assert make_localizer(point.name, [load_model("cover1")], tuple).name == "cautious"
 
 
 def test_a_console_block_is_read_line_by_line():
