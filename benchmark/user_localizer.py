@@ -151,12 +151,13 @@ def _blamed_on(reference: str, code: object, expected: str) -> Iterator[None]:
         raise
     except (Exception, SystemExit) as error:
         place = _place(error) or (_definition(code) if code is not None else "")
-        text = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(": ")
+        said = error.msg if isinstance(error, SyntaxError) else error  # whose text names the place once more
+        text = " ".join(f"{type(error).__name__}: {said}".split()).removesuffix(":")
         raise LocalizerError(
             f"localizer {reference}",
             got=f"{text}{f' ({place})' if place else ''}",
             expected=expected,
-            do=f"Correct {place.partition(',')[0] or 'its module'}: the error is in it, not in focalpick.",
+            do=f"Correct {place.partition(', line')[0] or 'its module'}.",
         ) from error
 
 

@@ -162,7 +162,8 @@ class View:
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
-            raise InputError(f"camera of {self.name}", got=self.camera, expected="a vision.Camera")
+            got, do = f"{type(self.camera).__name__} object", "Camera.from_matrix makes one of a calibration matrix."
+            raise InputError(f"camera of {self.name}", got=got, expected="a vision.Camera", do=do)
         pose = rigid_transform(self.T_world_camera, f"T_world_camera of {self.name}")
         object.__setattr__(self, "T_world_camera", pose)
         image = np.ascontiguousarray(self.image)

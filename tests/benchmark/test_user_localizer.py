@@ -52,7 +52,10 @@ def make(name):
 
 WRONG = {
     "a name that is not there": ("number = 7", r"has no attribute 'make'.* package\.module:factory"),
-    "a syntax error": ("x = 1\nmake = (", r"SyntaxError: .*\.py, line 2\).* Correct .*\.py"),
+    "a syntax error": (
+        "x = 1\nmake = (",
+        r"SyntaxError: '\(' was never closed \([^()]*\.py, line 2\).* Correct .*\.py\.$",
+    ),
     "an error on import": ("x = 1\nraise RuntimeError('no licence')", r"RuntimeError: no licence \(.*\.py, line 2\)"),
     "an exit on import": ("import sys\nsys.exit(3)", r"SystemExit: 3 \(.*\.py, line 2\)"),
     "a package that is missing": ("import no_such_package", r"No module named 'no_such_package' \(.*\.py, line 1\)"),
