@@ -16,6 +16,7 @@ import textwrap
 import traceback
 from collections.abc import Callable, Sequence
 
+from benchmark.localizer_error import LocalizerError
 from vision.errors import FocalpickError, InputError
 
 DESCRIPTION = """A benchmark of bin picking with round parts. A simulated robot drops parts into a bin, photographs
@@ -29,6 +30,7 @@ COMMANDS = {
     "sweep": "benchmark.commands.sweep:sweep",
     "teach": "benchmark.commands.teach:teach",
     "explain": "benchmark.commands.explain:explain",
+    "localize": "benchmark.commands.localize:localize",
     "table": "benchmark.commands.table:table",
     "check": "benchmark.commands.check:check",
     "model show": "benchmark.commands.model:show",
@@ -55,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _dispatch(sys.argv[1:] if arguments is None else arguments)
     except FocalpickError as error:
-        return _fail(str(error), EXIT_BAD_INPUT)
+        return _fail(_with_foreign_traceback(error), EXIT_BAD_INPUT)
     except KeyboardInterrupt as error:
         return _fail(str(error) or "stopped", EXIT_INTERRUPTED)
     except BrokenPipeError:
@@ -151,12 +153,24 @@ def _fail(message: str, code: int) -> int:
 def _report_bug(error: Exception) -> str:
     """Save the traceback of an unexpected error and say in one line where it is."""
     text = f"internal error: {type(error).__name__}: {error}"
+    saved = _save_traceback(error)
+    return f"{text}. The traceback is in {saved}; please report it" if saved else text
+
+
+def _with_foreign_traceback(error: FocalpickError) -> str:
+    """The error's line; what a user's own code has raised comes with its traceback, in a file."""
+    saved = _save_traceback(error.__cause__) if isinstance(error, LocalizerError) and error.__cause__ else None
+    return f"{error} The traceback is in {saved}" if saved else str(error)
+
+
+def _save_traceback(error: BaseException) -> str | None:
+    """The name of a new file with the traceback; None where none can be written."""
     try:
         with tempfile.NamedTemporaryFile("w", prefix="focalpick-", suffix=".txt", delete=False) as file:
             traceback.print_exception(error, file=file)
     except OSError:
-        return text
-    return f"{text}. The traceback is in {file.name}; please report it"
+        return None
+    return file.name
 
 
 if __name__ == "__main__":

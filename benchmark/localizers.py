@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -13,20 +11,20 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from benchmark.user_localizer import REFERENCE, WatchedLocalizer, imported, make_watched
 from benchmark.world.mesh_file import MeshReference
 from vision import model_file
 from vision.camera import View
 from vision.candidates import Workspace
 from vision.errors import InputError
 from vision.localizer import EllipseLocalizer, Localization, Localizer
+from vision.localizer_arguments import PRESETS
 from vision.pose import PoseEstimate
 from vision.vision_model import VisionModel
 
 MODELS = Path(__file__).resolve().parents[1] / "assets" / "models"
 ENTRY_POINTS = "focalpick.localizers"
 Truth = Callable[[], Sequence[tuple[str, RigidTransform]]]
-
-_BUILT_IN: dict[str, tuple[str, ...]] = {"dual": ("region", "group"), "region": ("region",), "group": ("group",)}
 
 
 @lru_cache
@@ -58,63 +56,30 @@ def make_localizer(name: str, models: Sequence[VisionModel], truth: Truth) -> Lo
         truth: part name and true pose of every piece; handed to the oracle alone.
 
     Raises:
-        InputError: there is no such localizer, or what was found is none.
+        InputError: there is no such localizer.
+        LocalizerError: the user's own cannot be imported or made, or is none.
     """
     if name == "oracle":
         return Oracle(truth)
-    if name in _BUILT_IN:
-        return EllipseLocalizer(models, _BUILT_IN[name])  # type: ignore[arg-type]
-    localizer = _factory(name)(models)
-    if not isinstance(localizer, Localizer):
-        raise InputError(
-            f"localizer {name}",
-            got=f"{type(localizer).__name__} object",
-            expected="an object with a name and localize(views, workspace)",
-        )
-    return localizer
+    if name in PRESETS:
+        return EllipseLocalizer(models, name)
+    if ":" in name:
+        return make_watched(name, lambda: imported(name), models)
+    registered = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
+    if name not in registered:
+        known = ", ".join([*PRESETS, "oracle", *sorted(registered)])
+        raise InputError("localizer", got=name, expected=f"{known}, or {REFERENCE}")
+    return make_watched(name, registered[name].load, models, f"what {registered[name].value} names in its package")
 
 
 def with_answers_alone(
     localizer: Localizer, localization: Localization, views: Sequence[View], workspace: Workspace
 ) -> Localization:
     """The localization with what each extractor would have said alone, for localizers that have several."""
-    if not isinstance(localizer, EllipseLocalizer):
+    paper = localizer.inner if isinstance(localizer, WatchedLocalizer) else localizer
+    if not isinstance(paper, EllipseLocalizer):
         return localization
-    return replace(localization, by_process=localizer.alone(views, localization, workspace))
-
-
-def _factory(name: str) -> Callable[[Sequence[VisionModel]], object]:
-    factory = _imported(name) if ":" in name else _registered(name)
-    if not callable(factory):
-        raise InputError(
-            f"localizer {name}", got=f"{type(factory).__name__} object", expected="a function of the taught models"
-        )
-    return factory
-
-
-def _imported(name: str) -> object:
-    """What ``package.module:factory`` names."""
-    module, _, attribute = name.partition(":")
-    if (here := str(Path.cwd())) not in sys.path:  # an installed command does not look where it is started
-        sys.path.insert(0, here)
-    try:
-        return getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:  # ValueError: the module's name is empty
-        raise InputError("localizer", got=f"{name} ({error})", expected="package.module:factory") from error
-
-
-def _registered(name: str) -> object:
-    """What an installed package offers under a name."""
-    registered = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
-    if name not in registered:
-        known = ", ".join([*_BUILT_IN, "oracle", *sorted(registered)])
-        raise InputError("localizer", got=name, expected=f"{known}, or package.module:factory")
-    try:
-        return registered[name].load()
-    except (ImportError, AttributeError) as error:
-        raise InputError(
-            "localizer", got=f"{name} ({error})", expected="one that can be imported", do="Reinstall its package."
-        ) from error
+    return replace(localization, by_process=paper.alone(views, localization, workspace))
 
 
 @dataclass(frozen=True)

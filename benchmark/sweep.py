@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmark.config import EpisodeConfig, SweepConfig, episodes
+from benchmark.localizer_error import LocalizerError
 from benchmark.records import EpisodeRecord
 from benchmark.store import RecordWriter, read_records
 from vision.errors import FileFormatError, InputError, ResourceError
@@ -97,9 +98,10 @@ def run_sweep(
 
 def failed_episode(config: EpisodeConfig, error: BaseException) -> EpisodeRecord:
     """The record of an episode that did not finish, with the kind, text and place of its error in one line."""
+    text, place = " ".join(f"{type(error).__name__}: {error}".split()), ""
     frames = traceback.extract_tb(error.__traceback__)
-    place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
-    text = " ".join(f"{type(error).__name__}: {error}".split())
+    if frames and not isinstance(error, LocalizerError):  # which names a place of the user's by itself
+        place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})"
     return EpisodeRecord(
         key=config.key,
         parts=config.parts,

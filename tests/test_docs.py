@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import functools
+import json
 import re
 import shlex
+import sys
+import tomllib
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import Rotation
 
 import benchmark.cli
+import vision
 from benchmark.cli import COMMANDS, main
 from benchmark.localizers import load_model, make_localizer
-from vision.camera import Camera, View
-from vision.localizer import Localizer
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = tuple(
@@ -119,8 +122,62 @@ def test_a_wrong_command_does_not_parse(command, parsed):
     assert parsed == []
 
 
-def python_blocks():
-    return re.findall(r"^```python\n(.*?)^```", read("README.md"), flags=re.MULTILINE | re.DOTALL)
+def python_blocks(path="README.md"):
+    return re.findall(r"^```python\n(.*?)^```", read(path), flags=re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture
+def pieces():
+    """The true poses of the pieces in the pictures of docs/vision.md, 4x4; no example reads them."""
+    return [np.array(piece["T_world_part"]) for piece in json.loads(read("docs/images/three_views/truth.json"))]
+
+
+def assert_found(estimates, pieces, fold=3):
+    """Every piece once, and nothing else: within 0.2 mm and 0.3 degrees, up to the part's symmetry."""
+    assert len(estimates) == len(pieces)
+    turns = Rotation.from_rotvec(np.outer(np.arange(fold) * 2 * np.pi / fold, [0, 0, 1]))
+    for piece in pieces:
+        off_mm = [1e3 * np.linalg.norm(e.T_world_part.translation - piece[:3, 3]) for e in estimates]
+        assert sorted(off_mm)[0] < 0.2
+        nearest = estimates[int(np.argmin(off_mm))]
+        turned = ((Rotation.from_matrix(piece[:3, :3]) * turns).inv() * nearest.T_world_part.rotation).magnitude()
+        assert np.degrees(turned.min()) < 0.3
+
+
+def test_the_librarys_examples_find_the_four_pieces(monkeypatch, capsys, pieces):
+    monkeypatch.chdir(ROOT)
+    names = {}
+    for source in python_blocks("docs/vision.md"):
+        exec(compile(source, "docs/vision.md", "exec"), names)
+    assert len(pieces) == 4
+    assert_found(names["found"].estimates, pieces)
+    sigma_m = [np.sqrt(np.diag(estimate.covariance)[:3]).max() for estimate in names["found"].estimates]
+    assert max(sigma_m) < 0.1e-3
+    assert capsys.readouterr().out.count("cover2: (") == 4
+    assert names["region_growing_alone"].name == "region"
+    assert {feature.process for feature in names["rims"]} == {"region"}
+    assert len(names["large"]) >= 1
+    assert len(names["grouping"].features) >= 10
+
+
+def test_readme_pose_example_finds_the_four_pieces(monkeypatch, capsys, pieces):
+    (source,) = [block for block in python_blocks() if "load_views" in block]
+    monkeypatch.chdir(ROOT)
+    exec(compile(source, "README.md", "exec"), {})
+    assert len(capsys.readouterr().out.splitlines()) == len(pieces)
+
+
+def test_every_public_name_is_in_the_table_of_names():
+    table = read("docs/vision.md").partition("## Names")[2]
+    named = {name for row in re.findall(r"^\| (`.*?) \|", table, flags=re.MULTILINE) for name in row.split("`")[1::2]}
+    assert named == set(vision.__all__)
+
+
+def test_views_json_of_the_document_is_what_is_read(tmp_path):
+    (text,) = re.findall(r"^```json\n(.*?)^```", read("docs/vision.md"), flags=re.MULTILINE | re.DOTALL)
+    (tmp_path / "views.json").write_text(text, encoding="utf-8")
+    cv2.imwrite(str(tmp_path / "left.png"), np.zeros((480, 640), np.uint8))
+    assert [view.name for view in vision.load_views(tmp_path)] == ["left"]
 
 
 def test_readme_detector_example_runs(tmp_path, monkeypatch, capsys):
@@ -132,19 +189,47 @@ def test_readme_detector_example_runs(tmp_path, monkeypatch, capsys):
     assert capsys.readouterr().out.startswith("(150.0, 100.0)  80.")
 
 
-def test_readme_localizer_runs_by_the_name_that_the_readme_gives_it(tmp_path, monkeypatch):
+@pytest.fixture
+def own_localizer(tmp_path, monkeypatch):
+    """The name that the README gives its localizer, whose file lies in the working directory."""
     (source,) = [block for block in python_blocks() if "def localize" in block]
     (name,) = {
         name for command in documented_focalpick_commands() for name in re.findall(r"--localizer (\S+:\S+)", command)
     }
     (tmp_path / f"{name.partition(':')[0]}.py").write_text(source, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    localizer = make_localizer(name, [load_model("cover1")], tuple)
-    assert isinstance(localizer, Localizer)
-    empty = View(
-        np.full((480, 640), 90, np.uint8), Camera(640, 480, 2133, 2133, 319.5, 239.5), RigidTransform.identity()
-    )
-    assert localizer.localize([empty]).estimates == ()
+    monkeypatch.delitem(sys.modules, name.partition(":")[0], raising=False)
+    return name
+
+
+def test_readme_localizer_hands_on_what_the_papers_system_is_most_sure_of(own_localizer):
+    models = [load_model("cover2")]
+    views = vision.load_views(ROOT / "docs/images/three_views")
+    everything = make_localizer("dual", models, tuple).localize(views).estimates
+    (only,) = make_localizer(own_localizer, models, tuple).localize(views).estimates
+    assert len(everything) == 4
+    assert only.score == max(estimate.score for estimate in everything)
+    assert np.array_equal(only.T_world_part.as_matrix(), everything[0].T_world_part.as_matrix())
+
+
+@pytest.mark.sweep
+def test_readme_localizer_runs_an_episode(own_localizer, capsys):
+    assert main(["run", "--part", "cover2", "--seed", "7", "--task", "none", "--localizer", own_localizer]) == 0
+    out = capsys.readouterr().out
+    assert "cautious" in out
+    assert out.count(" mm, tilt ") == 1  # of four pieces
+    assert out.count("not found") + out.count("not matched") == 3
+
+
+def test_readme_entry_point_leads_to_the_localizer(own_localizer, monkeypatch):
+    (text,) = re.findall(r"^```toml\n(.*?)^```", read("README.md"), flags=re.MULTILINE | re.DOTALL)
+    groups = tomllib.loads(text)["project"]["entry-points"]
+    points = [EntryPoint(name, value, group) for group, named in groups.items() for name, value in named.items()]
+    monkeypatch.setattr("benchmark.localizers.entry_points", lambda group: [p for p in points if p.group == group])
+    (point,) = points
+    assert point.value == own_localizer
+    assert make_localizer(point.name, [load_model("cover1")], tuple).name == "cautious"
 
 
 def test_a_console_block_is_read_line_by_line():

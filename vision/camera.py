@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from numbers import Integral, Real
 
 import cv2
 import numpy as np
@@ -12,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import RigidTransform
 
 from vision.errors import InputError
+from vision.rigid import rigid_transform
 
 Array = NDArray[np.float64]
 
@@ -42,11 +45,16 @@ class Camera:
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        numbers = np.array([self.fx, self.fy, self.cx, self.cy, *self.distortion])
-        if not np.isfinite(numbers).all() or min(self.fx, self.fy) <= 0:
-            raise InputError("camera intrinsics", got=numbers.tolist(), expected="finite numbers, focal lengths > 0")
-        if min(self.width_px, self.height_px) < 1:
-            raise InputError("image size", got=(self.width_px, self.height_px), expected="at least 1 x 1 pixels")
+        size = (self.width_px, self.height_px)
+        if not all(isinstance(n, Integral) for n in size) or min(size) < 1:
+            raise InputError("image size", got=size, expected="whole numbers, at least 1 x 1 pixels")
+        bent = np.ravel(np.asarray(self.distortion, dtype=object)).tolist()
+        if len(bent) != 5:
+            raise InputError("lens distortion", got=f"{len(bent)} numbers", expected="OpenCV's k1, k2, p1, p2, k3")
+        given = [self.fx, self.fy, self.cx, self.cy, *bent]
+        if not all(isinstance(n, Real) and math.isfinite(n) for n in given) or min(self.fx, self.fy) <= 0:
+            raise InputError("camera intrinsics", got=given, expected="finite numbers, focal lengths > 0")
+        object.__setattr__(self, "distortion", tuple(map(float, bent)))
 
     @classmethod
     def from_lens(
@@ -68,6 +76,29 @@ class Camera:
             cx=(width_px - 1) / 2,
             cy=(height_px - 1) / 2,
         )
+
+    @classmethod
+    def from_matrix(
+        cls, matrix: ArrayLike, resolution_px: tuple[int, int], distortion: ArrayLike = (0.0, 0.0, 0.0, 0.0, 0.0)
+    ) -> Camera:
+        """The camera that ``cv2.calibrateCamera`` found.
+
+        Args:
+            matrix: the 3x3 calibration matrix, without skew.
+            resolution_px: width and height of the image.
+            distortion: k1, k2, p1, p2 and, unless it is 0, k3, in an array of any shape.
+
+        Raises:
+            InputError: when the matrix is no such matrix, or the lens has more coefficients.
+        """
+        K, bent = np.asarray(matrix, dtype=float), np.ravel(np.asarray(distortion, dtype=float)).tolist()
+        empty = [(0, 1), (1, 0), (2, 0), (2, 1)]
+        if K.shape != (3, 3) or any(K[place] != 0 for place in empty) or K[2, 2] != 1:
+            expected = "a 3x3 matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
+            raise InputError("calibration matrix", got=K.tolist(), expected=expected)
+        bent += [0.0] * (len(bent) == 4)
+        fx, fy, cx, cy = (float(K[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
+        return cls(resolution_px[0], resolution_px[1], fx, fy, cx, cy, tuple(bent))
 
     def reduced(self, block_px: int) -> Camera:
         """The camera that takes each block of pixels, ``block_px`` wide and high, for one pixel."""
@@ -119,7 +150,8 @@ class View:
     Attributes:
         image: uint8, (H, W) grey or (H, W, 3) RGB; read-only.
         camera: the intrinsics the image was taken with.
-        T_world_camera: pose of the OpenCV camera frame in the world, as far as the robot knows it.
+        T_world_camera: pose of the OpenCV camera frame in the world, as far as the robot knows it; may be given as
+            a 4x4 matrix.
         name: a label for people.
     """
 
@@ -129,6 +161,11 @@ class View:
     name: str = "view"
 
     def __post_init__(self) -> None:
+        if not isinstance(self.camera, Camera):
+            got, do = f"{type(self.camera).__name__} object", "Camera.from_matrix makes one of a calibration matrix."
+            raise InputError(f"camera of {self.name}", got=got, expected="a vision.Camera", do=do)
+        pose = rigid_transform(self.T_world_camera, f"T_world_camera of {self.name}")
+        object.__setattr__(self, "T_world_camera", pose)
         image = np.ascontiguousarray(self.image)
         size = (self.camera.height_px, self.camera.width_px)
         if image.dtype != np.uint8 or image.shape[:2] != size or image.shape[2:] not in ((), (3,)):

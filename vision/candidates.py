@@ -19,6 +19,7 @@ from vision.camera import View, camera_arrays
 from vision.circle_pose import circle_candidates, plane_axes
 from vision.ellipse import conic_matrices
 from vision.ellipse_table import EllipseTable
+from vision.errors import InputError
 from vision.features import EllipseFeature
 from vision.vision_model import VisionModel
 from vision.voting import votes_of
@@ -36,6 +37,20 @@ class Workspace:
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        corners = []
+        for name in ("low", "high"):
+            try:
+                corners.append(np.array(getattr(self, name), dtype=float))
+            except (TypeError, ValueError):
+                corners.append(np.empty(0))
+        low, high = corners
+        if low.shape != (3,) or high.shape != (3,) or not (np.isfinite([low, high]).all() and (low <= high).all()):
+            expected = "x, y, z of two corners in metres, finite, no number of the first above that of the second"
+            raise InputError("workspace", got=(self.low, self.high), expected=expected)
+        object.__setattr__(self, "low", tuple(low.tolist()))
+        object.__setattr__(self, "high", tuple(high.tolist()))
 
     def contains(self, points: Array, margin_m: float = 0.0) -> NDArray[np.bool_]:
         """Which of the points (N, 3) lie in the box, widened by a margin."""

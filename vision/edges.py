@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from vision.edge_chains import link_pixels, localise
 from vision.edge_profile import settle
 from vision.errors import InputError
+from vision.parameter_checks import NOT_NEGATIVE, POSITIVE, Allowed, check, count
 
 Array = NDArray[np.float64]
 
@@ -56,11 +57,9 @@ class EdgeParameters:
     max_gap_px: int = 3
 
     def __post_init__(self) -> None:
-        numbers = np.array([self.smoothing_px, self.min_contrast, self.max_contrast, self.hysteresis, self.window_px])
-        if not np.isfinite(numbers).all() or numbers.min() <= 0 or self.min_contrast > self.max_contrast:
-            raise InputError("edge parameters", got=self, expected="positive numbers, min_contrast <= max_contrast")
-        if self.hysteresis > 1 or not (self.noise_factor >= 0 and self.clutter_factor >= 0):
-            raise InputError("edge parameters", got=self, expected="hysteresis up to 1 and factors of 0 or more")
+        check(self, smoothing_px=Allowed(0, 100, above=True), hysteresis=Allowed(0, 1, above=True))
+        check(self, window_px=POSITIVE, noise_factor=NOT_NEGATIVE, clutter_factor=NOT_NEGATIVE, min_contrast=POSITIVE)
+        check(self, max_contrast=Allowed(self.min_contrast), min_length_px=count(1), max_gap_px=count())
 
     @property
     def total_smoothing_px(self) -> float:
@@ -139,7 +138,8 @@ def as_gray(image: NDArray[np.generic]) -> NDArray[np.uint8]:
         image: (H, W) grey or (H, W, 3) RGB, (H, W, 4) RGBA, or (H, W, 1); uint8, bool, or numbers from 0 to 255.
 
     Raises:
-        InputError: for other shapes, other kinds of numbers, NaN, and numbers outside 0 to 255.
+        InputError: for other shapes, other kinds of numbers, NaN, numbers outside 0 to 255, and fractions of 1, which
+            would all be black.
     """
     array = np.asarray(image)
     if array.ndim == 3 and array.shape[2] == 1:
@@ -171,6 +171,9 @@ def _to_uint8(array: NDArray[np.generic]) -> NDArray[np.uint8]:
             expected="grey levels from 0 to 255",
             do="Scale the image first",
         )
+    if array.dtype.kind == "f" and numbers.size and numbers.max() <= 1 and (numbers % 1).any():
+        got = f"floating-point values from {numbers.min():g} to {numbers.max():g}"
+        raise InputError("image", got=got, expected="grey levels from 0 to 255", do="Give it as image * 255")
     return np.round(numbers).astype(np.uint8)
 
 

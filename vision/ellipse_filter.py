@@ -17,6 +17,7 @@ from vision import kalman
 from vision.algebraic_fit import norm2
 from vision.ellipse import Ellipse, focal_residual
 from vision.errors import InputError
+from vision.parameter_checks import NOT_NEGATIVE, POSITIVE, check, count
 
 Array = NDArray[np.float64]
 
@@ -43,9 +44,8 @@ class FilterParameters:
     iterations: int = 5
 
     def __post_init__(self) -> None:
-        values = np.array([self.noise_floor_px, self.gate, self.prior_px, self.iterations])
-        if not np.isfinite(values).all() or values.min() <= 0 or not self.correlation_px >= 0:
-            raise InputError("filter parameters", got=self, expected="positive numbers")
+        check(self, noise_floor_px=POSITIVE, correlation_px=NOT_NEGATIVE, gate=POSITIVE, prior_px=POSITIVE)
+        check(self, iterations=count(1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 
-import numpy as np
-
 from vision.errors import InputError
 from vision.grouping import GroupingParameters
+from vision.parameter_checks import POSITIVE, check
 from vision.quadtree import SplitAndMerge
 from vision.regions import BoundaryFit
 from vision.segmentation import RegionGrowing
@@ -40,10 +39,7 @@ class ExtractionThresholds:
     fitting_error_px: float = _GROUPING.max_error_px
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            value = getattr(self, f.name)
-            if not (np.isfinite(value) and value > 0):
-                raise InputError(f"threshold {f.name}", got=value, expected="a number > 0")
+        check(self, **{f.name: POSITIVE for f in fields(self)})
         if self.canny_low > self.canny_high:
             raise InputError(
                 "thresholds of Canny", got=(self.canny_low, self.canny_high), expected="canny_low <= canny_high"

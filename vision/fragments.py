@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from vision.edges import EdgeMap
 from vision.errors import InputError
+from vision.parameter_checks import NOT_NEGATIVE, POSITIVE, check
 from vision.part_measures import measure_parts
 
 Array = NDArray[np.float64]
@@ -44,9 +45,8 @@ class FragmentParameters:
     grey_offset_px: float = 3.0
 
     def __post_init__(self) -> None:
-        values = np.array([self.tolerance_px, self.corner_factor, self.min_length_px, self.grey_offset_px])
-        if not np.isfinite(values).all() or values.min() <= 0:
-            raise InputError("fragment parameters", got=self, expected="positive numbers")
+        check(self, tolerance_px=POSITIVE, corner_factor=POSITIVE, min_length_px=POSITIVE, grey_offset_px=POSITIVE)
+        check(self, min_turn_rad=NOT_NEGATIVE, min_sagitta_px=NOT_NEGATIVE)
 
 
 @dataclass(frozen=True, eq=False)

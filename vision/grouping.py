@@ -16,6 +16,7 @@ from vision.errors import InputError
 from vision.features import EllipseFeature
 from vision.fragments import Fragment, FragmentParameters, FragmentTable, extract_fragments
 from vision.hypotheses import PairConstraints, Representatives, fit_hypotheses, pair_fragments, representatives
+from vision.parameter_checks import NOT_NEGATIVE, POSITIVE, SHARE, Allowed, check, count
 from vision.verification import select_survivors, verify_hypotheses
 
 Array = NDArray[np.float64]
@@ -65,10 +66,12 @@ class GroupingParameters:
     max_attempts: int = 120
 
     def __post_init__(self) -> None:
-        if self.size_px is not None and not 0 < self.size_px[0] <= self.size_px[1]:
+        if self.size_px is not None and (len(self.size_px) != 2 or not 0 < self.size_px[0] <= self.size_px[1]):
             raise InputError("size_px", got=self.size_px, expected="0 < smallest <= largest semi-major axis")
-        if not 0 <= self.min_coverage <= 1:
-            raise InputError("min_coverage", got=self.min_coverage, expected="a share from 0 to 1")
+        check(self, convexity_slack_px=NOT_NEGATIVE, grey_tolerance=NOT_NEGATIVE, tolerance_px=POSITIVE)
+        check(self, max_direction_error_rad=POSITIVE, max_pair_error_px=POSITIVE, max_error_px=POSITIVE)
+        check(self, min_share=SHARE, min_coverage=SHARE, min_score=SHARE, min_overlap=SHARE)
+        check(self, max_apart_px=Allowed(0, infinite=True), max_hypotheses=count(), max_attempts=count())
 
     @classmethod
     def for_model(cls) -> GroupingParameters:

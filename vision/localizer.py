@@ -11,11 +11,11 @@ import numpy as np
 from vision.arcs import Arc, arcs_of
 from vision.camera import View
 from vision.candidates import Workspace
-from vision.errors import InputError
 from vision.evidence import EdgeField
 from vision.extraction import Extraction, run_extractors
 from vision.extraction_thresholds import ExtractionThresholds
 from vision.features import EllipseFeature, Process
+from vision.localizer_arguments import checked_models, checked_parameters, checked_scene, processes_of
 from vision.matching import Matcher
 from vision.matching_parameters import MatchingParameters
 from vision.pose import PoseEstimate
@@ -67,28 +67,32 @@ class EllipseLocalizer:
 
     ``processes`` chooses the extractors: both ("dual"), or region growing alone, as in the predecessor system [18],
     or edge grouping alone.
+
+    Attributes:
+        models: the taught parts.
+        processes: the extractors at work.
+        parameters: of the matching.
     """
 
     def __init__(
         self,
         models: Sequence[VisionModel],
-        processes: tuple[Process, ...] = ("region", "group"),
+        processes: str | Sequence[Process] = "dual",
         parameters: MatchingParameters | None = None,
     ) -> None:
         """Prepare.
 
         Args:
             models: the taught parts to look for.
-            processes: the extractors to use.
+            processes: "dual", "region" or "group", or the extractors to use: of "region" and "group", at least one.
             parameters: settings of the matching.
 
         Raises:
-            InputError: when there is no model or no extractor.
+            InputError: when there is no model, or no such extractor.
         """
-        if not models or not processes:
-            raise InputError("localizer", got=(len(models), processes), expected="at least one model and extractor")
-        self.models, self.processes = tuple(models), processes
-        self.parameters = parameters or MatchingParameters()
+        self.models = checked_models(models)
+        self.processes = processes_of(processes)
+        self.parameters = checked_parameters(parameters)
 
     @property
     def name(self) -> str:
@@ -96,10 +100,14 @@ class EllipseLocalizer:
         return "dual" if len(self.processes) > 1 else self.processes[0]
 
     def localize(self, views: Sequence[View], workspace: Workspace | None = None) -> Localization:
-        """See :meth:`Localizer.localize`."""
-        if not views:
+        """See :meth:`Localizer.localize`.
+
+        Raises:
+            InputError: when the views are not a sequence of views, or the workspace is none.
+        """
+        flat = [v.undistorted() for v in checked_scene(views, workspace)]
+        if not flat:
             return Localization(())
-        flat = [v.undistorted() for v in views]
         seen = [self.features_and_arcs(v, workspace) for v in flat]
         features, arcs = [s[0] for s in seen], [s[1] for s in seen]
         estimates = self._match(flat, features, arcs, workspace, joint_edges=len(self.processes) > 1)
@@ -182,7 +190,7 @@ class EllipseLocalizer:
 
 def extract_features(
     view: View,
-    processes: Sequence[Process],
+    processes: str | Sequence[Process],
     constraints: AttributeConstraints | None = None,
     thresholds: ExtractionThresholds | None = None,
 ) -> list[EllipseFeature]:
@@ -190,11 +198,11 @@ def extract_features(
 
     Args:
         view: the image.
-        processes: which extractors.
+        processes: which extractors, as of :class:`EllipseLocalizer`.
         constraints: prune the regions that no taught part can have; None prunes nothing.
         thresholds: of the extractors; None for their own.
     """
-    return list(run_extractors(view.gray, processes, constraints, thresholds).features)
+    return list(run_extractors(view.gray, processes_of(processes), constraints, thresholds).features)
 
 
 def common_thresholds(models: Sequence[VisionModel]) -> ExtractionThresholds:

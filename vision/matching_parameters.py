@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from vision.errors import InputError
+from vision.parameter_checks import NOT_NEGATIVE, POSITIVE, SHARE, Allowed, check, count
+
 
 @dataclass(frozen=True)
 class MatchingParameters:
@@ -36,3 +39,13 @@ class MatchingParameters:
     far_depth_shares: tuple[float, ...] = tuple(0.0025 * step for step in range(-16, 17))
     leash: float = 0.05
     joint_edges: bool = True
+
+    def __post_init__(self) -> None:
+        check(self, candidates=count(1), minimum_scores=NOT_NEGATIVE, minimum_separation=NOT_NEGATIVE)
+        check(self, reach_px=POSITIVE, rim_reach_px=POSITIVE, whole_reach_px=POSITIVE, doubtful_scores=SHARE)
+        # Support falls from one pixel off the model to nothing at the tolerance.
+        check(self, loose_reach_px=Allowed(1, above=True), leash=NOT_NEGATIVE)
+        closer = Allowed(-1, above=True)  # the part stays before the camera
+        check(self, depth_shares=closer, far_depth_shares=closer)
+        if len(self.doubtful_scores) != 2 or self.doubtful_scores[0] > self.doubtful_scores[1]:
+            raise InputError("doubtful_scores", got=self.doubtful_scores, expected="two numbers, low <= high")

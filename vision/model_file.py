@@ -43,25 +43,25 @@ _ROW_OF_NUMBERS = re.compile(r"\[\n\s+([-+.\deE]+(?:,\n\s+[-+.\deE]+)*)\n\s+\]")
 _THRESHOLDS = tuple(f.name for f in fields(ExtractionThresholds))
 
 
-def load_model(path: Path) -> VisionModel:
+def load_model(path: Path | str) -> VisionModel:
     """Read a model file.
 
     Raises:
         FileFormatError: when it is not a vision model, with the path to the field that is wrong.
         InputError: when there is no such file.
     """
-    text = read_text(path, "vision model", "Teach the part first.")
+    text = read_text(Path(path), "vision model", "Teach the part first.")
     return model_from_json(text, source=str(path))
 
 
-def save_model(model: VisionModel, path: Path) -> None:
+def save_model(model: VisionModel, path: Path | str) -> None:
     """Write a model file.
 
     Raises:
         InputError: when the file cannot be written.
     """
     try:
-        path.write_text(model_to_json(model), encoding="utf-8", newline="\n")
+        Path(path).write_text(model_to_json(model), encoding="utf-8", newline="\n")
     except OSError as error:
         raise InputError("file for the vision model", got=f"{path} ({error})", expected="a writable path") from error
 

@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.errors import InputError
+from vision.parameter_checks import NOT_NEGATIVE, check, count
 
 Labels = NDArray[np.int32]
 
@@ -34,9 +35,8 @@ class SplitAndMerge:
     root_size_px: int = 64
 
     def __post_init__(self) -> None:
-        thresholds = (self.max_deviation, self.max_range, self.max_step, self.max_contrast, self.min_area_px)
-        if not all(t >= 0 for t in thresholds):
-            raise InputError("split-and-merge thresholds", got=thresholds, expected="numbers >= 0")
+        check(self, max_deviation=NOT_NEGATIVE, max_range=NOT_NEGATIVE, max_step=NOT_NEGATIVE)
+        check(self, max_contrast=NOT_NEGATIVE, min_area_px=count(), root_size_px=count(1))
         # Sums over larger blocks would not fit into 32 bits.
         if not 1 <= self.root_size_px <= 256 or self.root_size_px & (self.root_size_px - 1):
             raise InputError("root_size_px", got=self.root_size_px, expected="a power of two, at most 256")

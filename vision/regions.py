@@ -12,6 +12,7 @@ from vision.boundary_ellipses import Limits, covered, find_ellipses
 from vision.ellipse import Array, Ellipse
 from vision.errors import InputError
 from vision.features import EllipseFeature
+from vision.parameter_checks import NOT_NEGATIVE, POSITIVE, SHARE, check, count
 from vision.region_attributes import AttributeConstraints
 from vision.region_boundary import refine_boundaries
 from vision.segmentation import Region, RegionGrowing, Segmentation, check_gray, gradient, segment
@@ -61,8 +62,8 @@ class BoundaryFit:
     max_per_boundary: int = 2
 
     def __post_init__(self) -> None:
-        if not all(length > 0 for length in (self.tolerance_px, self.sigma_px, self.max_rms_px)):
-            raise InputError("boundary fit", got=self, expected="tolerance, sigma and rms > 0 px")
+        check(self, tolerance_px=POSITIVE, sigma_px=POSITIVE, max_rms_px=POSITIVE, min_semi_axis_px=NOT_NEGATIVE)
+        check(self, min_support=SHARE, min_axis_ratio=SHARE, max_per_boundary=count(1))
 
 
 def region_ellipses(

@@ -14,6 +14,7 @@ from vision.contour_tracing import trace_contours
 from vision.edge_linking import link_edges
 from vision.errors import InputError
 from vision.features import RegionAttributes
+from vision.parameter_checks import NOT_NEGATIVE, Allowed, check, count
 from vision.quadtree import Labels, Quadtree, SplitAndMerge, split
 from vision.region_attributes import AttributeConstraints, Contour, measure_shape
 from vision.region_merging import BOUNDARY, merge
@@ -38,10 +39,8 @@ class RegionGrowing:
     split_and_merge: SplitAndMerge = field(default_factory=SplitAndMerge)
 
     def __post_init__(self) -> None:
-        if not 0 < self.blur_px < 100:
-            raise InputError("blur_px", got=self.blur_px, expected="a standard deviation in pixels, > 0")
-        if not 0 <= self.edge_low <= self.edge_high:
-            raise InputError("edge thresholds", got=(self.edge_low, self.edge_high), expected="0 <= low <= high")
+        check(self, blur_px=Allowed(0, 100, above=True), edge_low=NOT_NEGATIVE, gap_px=count())
+        check(self, edge_high=Allowed(self.edge_low))
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,7 +48,8 @@ def explain(
     Example: focalpick explain photo.jpg --model hub --out explained
 
     Args:
-        image: a PNG or JPEG file, or any other that OpenCV reads.
+        image: a PNG, JPEG or TIFF file, or any other that OpenCV reads; 8 bits per channel, or 16, of which 65535 is
+            the brightest.
         out: directory for the pictures; made where it is missing.
         model: a vision model's file, or the name of a part whose model is shipped.
         camera: focal lengths and principal point of the camera, in pixels of the image; its lens is taken to be free
@@ -131,30 +132,13 @@ def _usual_depths(model: VisionModel) -> tuple[float, float] | None:
 
 
 def _read(path: Path) -> Image:
-    """An image file as RGB.
-
-    Raises:
-        InputError: there is no such file, or it is no image.
-    """
+    """An image file as RGB; errors as of :func:`vision.picture.read_picture`."""
     import cv2
-    import numpy as np
 
-    expected = "a PNG or JPEG file"
-    try:
-        content = np.frombuffer(path.read_bytes(), np.uint8)
-    except OSError as error:
-        raise InputError(f"image {path}", got=error.strerror, expected=expected) from None
-    # OpenCV reports a broken file on standard error, besides returning nothing.
-    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        image = cv2.imdecode(content, cv2.IMREAD_COLOR) if content.size else None
-    except cv2.error:
-        image = None
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-    if image is None:
-        raise InputError(f"image {path}", got="a file that cannot be decoded", expected=expected)
-    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+    from vision.picture import read_picture
+
+    image = read_picture(path)
+    return image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2RGB)
 
 
 def _make_directory(path: Path) -> None:

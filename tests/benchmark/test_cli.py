@@ -34,8 +34,7 @@ def fake_episode(config: EpisodeConfig) -> EpisodeRecord:
 
 @pytest.fixture
 def simulator(monkeypatch: pytest.MonkeyPatch) -> types.ModuleType:
-    """Stands in for the real episode, which takes seconds, and for the taught models."""
-    monkeypatch.setattr("benchmark.localizers.load_model", lambda *_: None)
+    """Stands in for the real episode, which takes seconds."""
     module = types.ModuleType("benchmark.episode")
     module.run_episode = fake_episode
     monkeypatch.setitem(sys.modules, "benchmark.episode", module)
@@ -199,8 +198,6 @@ if __name__ == "__main__":
     module = types.ModuleType("benchmark.episode")
     module.run_episode = slow_episode
     sys.modules["benchmark.episode"] = module
-    import benchmark.localizers
-    benchmark.localizers.load_model = lambda *_: None
     from benchmark.cli import main
     sys.exit(main(["sweep", "--scenes", "200", "--parts", "hub", "--workers", sys.argv[2], "--out", sys.argv[1]]))
 """

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 import benchmark.localizers
 from benchmark.config import EpisodeConfig
-from benchmark.localizers import load_model, make_localizer
+from benchmark.localizers import load_model, make_localizer, with_answers_alone
 from vision.errors import InputError
 from vision.localizer import EllipseLocalizer, Localization
 
@@ -75,13 +75,26 @@ def test_oracle_knows_the_truth_and_asks_for_it_late():
 
 
 def test_factory_of_a_module_gets_the_models(mine):
-    localizer = make_localizer("mine:make", ["models"], no_truth)
-    assert isinstance(localizer, Blind)
-    assert localizer.models == ["models"]
+    models = [load_model("cover1")]
+    localizer = make_localizer("mine:make", models, no_truth)
+    assert isinstance(localizer.inner, Blind)
+    assert localizer.inner.models == models
+    assert localizer.name == "blind"
+
+
+def test_a_factory_may_be_inside_a_class(mine):
+    mine.Family = type("Family", (), {"make": Blind})
+    assert isinstance(make_localizer("mine:Family.make", [], no_truth).inner, Blind)
 
 
 def test_entry_point_is_found_by_name(offered):
-    assert isinstance(make_localizer("blind", [], no_truth), Blind)
+    assert isinstance(make_localizer("blind", [], no_truth).inner, Blind)
+
+
+def test_the_papers_system_from_a_users_factory_is_asked_what_each_extractor_alone_says(mine):
+    mine.make = EllipseLocalizer
+    localizer = make_localizer("mine:make", [load_model("cover1")], no_truth)
+    assert set(with_answers_alone(localizer, Localization(()), [], None).by_process) == {"region", "group"}
 
 
 @pytest.mark.parametrize("name", ["mine:number", "os:sep"])

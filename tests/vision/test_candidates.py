@@ -9,6 +9,7 @@ from vision.camera import camera_arrays
 from vision.candidates import SalientCircles, Workspace, find_candidates, poses_of
 from vision.circle_pose import circle_poses, project_circle
 from vision.ellipse_table import EllipseTable
+from vision.errors import InputError
 from vision.features import EllipseFeature
 from vision.voting import predict_circle, votes_of
 
@@ -164,3 +165,27 @@ def test_pose_of_a_candidate_is_rigid_with_its_axis_and_origin():
         assert np.linalg.det(T[:3, :3]) == pytest.approx(1)
         assert np.allclose(T[:3, 2], z)
         assert np.allclose(T[:, 3], [*o, 1])
+
+
+def test_a_workspace_is_made_of_any_three_numbers_a_corner():
+    box = Workspace(np.array([-1, 0, 0]), [1, 2, 0])
+    assert box == Workspace((-1.0, 0.0, 0.0), (1.0, 2.0, 0.0))
+    assert box.contains(np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.1]])).tolist() == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [
+        ((0.1, 0, 0), (-0.1, 1, 1)),
+        ((0, 0, 0), (np.nan, 1, 1)),
+        ((-np.inf, 0, 0), (1, 1, 1)),
+        ((0, 0), (1, 1)),
+        (0.0, 1.0),
+        (None, (1, 1, 1)),
+        (("a", "b", "c"), (1, 1, 1)),
+    ],
+    ids=str,
+)
+def test_what_is_no_box_is_refused(low, high):
+    with pytest.raises(InputError, match=r"workspace: got .*; expected x, y, z of two corners"):
+        Workspace(low, high)

@@ -100,7 +100,7 @@ def test_other_arrays_are_refused_with_a_reason(image):
 
 
 def test_parameters_are_checked():
-    with pytest.raises(InputError, match="min_contrast"):
+    with pytest.raises(InputError, match=r"max_contrast of EdgeParameters: got 10\.0"):
         EdgeParameters(min_contrast=20.0, max_contrast=10.0)
 
 

@@ -98,7 +98,7 @@ def test_bad_points_are_refused(points):
 
 
 def test_parameters_are_checked():
-    with pytest.raises(InputError, match="filter parameters"):
+    with pytest.raises(InputError, match="gate of FilterParameters"):
         FilterParameters(gate=0)
 
 

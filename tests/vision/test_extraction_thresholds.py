@@ -45,7 +45,7 @@ def test_each_threshold_can_silence_its_extractor(process, deaf, view):
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_thresholds_that_are_no_thresholds_are_refused(value):
-    with pytest.raises(InputError, match="threshold homogeneity"):
+    with pytest.raises(InputError, match="homogeneity of ExtractionThresholds"):
         ExtractionThresholds(homogeneity=value)
 
 

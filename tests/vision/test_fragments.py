@@ -80,5 +80,5 @@ def test_edges_of_another_image_are_refused():
 
 
 def test_parameters_are_checked():
-    with pytest.raises(InputError, match="positive"):
+    with pytest.raises(InputError, match="tolerance_px"):
         FragmentParameters(tolerance_px=0)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from vision.candidates import Workspace
 from vision.errors import InputError
+from vision.grouping import GroupingParameters
 from vision.localizer import EllipseLocalizer, Localization, Localizer, attribute_constraints, extract_features
 from vision.matching_parameters import MatchingParameters
 from vision.regions import segment
@@ -166,10 +167,66 @@ def test_order_of_the_views_does_not_matter(dual, scene, photograph):
         assert nearest(backwards, estimate.T_world_part)[1] < 0.01
 
 
-@pytest.mark.parametrize("arguments", [([],), ([None], ())])
-def test_a_localizer_needs_a_model_and_an_extractor(arguments):
-    with pytest.raises(InputError, match="at least one model and extractor"):
-        EllipseLocalizer(*arguments)
+@pytest.mark.parametrize(
+    ("choice", "processes"),
+    [
+        ("dual", ("region", "group")),
+        ("region", ("region",)),
+        ("group", ("group",)),
+        (("group",), ("group",)),
+        (["group", "region"], ("region", "group")),
+    ],
+)
+def test_extractors_are_chosen_by_a_preset_or_one_by_one(choice, processes, plate):
+    localizer = EllipseLocalizer([plate], choice)
+    assert localizer.processes == processes
+    assert localizer.name == ("dual" if len(processes) == 2 else processes[0])
+
+
+@pytest.mark.parametrize("choice", ["regions", "", "r", (), ("regions",), ("region", "oracle"), [None]], ids=str)
+def test_unknown_extractors_are_refused(choice, plate, photograph, pose):
+    with pytest.raises(InputError, match=r"extractors: got .*; expected dual, region, group, or a tuple"):
+        EllipseLocalizer([plate], choice)
+    with pytest.raises(InputError, match="extractors"):
+        extract_features(photograph([pose()], 1)[0], choice)
+
+
+@pytest.mark.parametrize(
+    ("models", "message"),
+    [
+        ([], "got none"),
+        ("plate", "got a single VisionModel.* Put it into a list"),
+        ([None], r"got NoneType object.* vision\.load_model"),
+        (["cover2.json"], "got str object"),
+        (None, "got NoneType object"),
+    ],
+    ids=str,
+)
+def test_a_localizer_needs_a_sequence_of_models(models, message, plate):
+    with pytest.raises(InputError, match=f"models: {message}"):
+        EllipseLocalizer(plate if models == "plate" else models)
+
+
+def test_parameters_of_something_else_are_refused(plate):
+    with pytest.raises(InputError, match="got GroupingParameters object"):
+        EllipseLocalizer([plate], parameters=GroupingParameters())
+
+
+def test_what_is_no_sequence_of_views_or_no_workspace_is_refused(dual, photograph, pose):
+    (view,) = photograph([pose()], 1)
+    with pytest.raises(InputError, match=r"views: got a single View; .* Put it into a list"):
+        dual.localize(view, WORKSPACE)
+    with pytest.raises(InputError, match="views: got ndarray object"):
+        dual.localize([view, view.image], WORKSPACE)
+    with pytest.raises(InputError, match="views: got NoneType object"):
+        dual.localize(None)
+    with pytest.raises(InputError, match="workspace: got tuple object"):
+        dual.localize([view], ((-1, -1, -1), (1, 1, 1)))
+
+
+def test_views_may_come_from_an_iterator(dual, photograph, pose):
+    views = photograph([pose()], 2)
+    assert len(dual.localize(iter(views), WORKSPACE).estimates) == 1
 
 
 def test_anything_with_a_name_that_localises_views_is_a_localizer(dual):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -25,6 +27,15 @@ def test_every_name_is_that_of_its_module(name):
     found = getattr(vision, name)
     assert found is getattr(import_module(found.__module__), name)
     assert name in dir(vision)
+
+
+def test_editors_see_the_names_that_are_there():
+    source = Path(vision.__file__).read_text(encoding="utf-8")
+    imported = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom)]
+    seen = {(alias.name, node.module) for node in imported for alias in node.names}
+    public = {(name, getattr(vision, name).__module__) for name in vision.__all__}
+    assert public <= seen
+    assert {name for name, module in seen if module.startswith("vision.")} == set(vision.__all__)
 
 
 def test_unknown_name_is_an_attribute_error():

@@ -170,7 +170,7 @@ def test_linking_only_adds_edges(edges):
 def test_bad_settings_and_maps_are_refused():
     with pytest.raises(InputError, match="power of two"):
         SplitAndMerge(root_size_px=48)
-    with pytest.raises(InputError, match="thresholds"):
+    with pytest.raises(InputError, match="max_deviation"):
         SplitAndMerge(max_deviation=float("nan"))
     with pytest.raises(InputError, match="edge map"):
         link_edges(np.zeros(5, bool))

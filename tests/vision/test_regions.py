@@ -233,11 +233,11 @@ def test_an_image_of_another_size_than_the_segmentation_is_refused():
 
 
 def test_bad_settings_are_refused():
-    with pytest.raises(InputError, match="edge thresholds"):
+    with pytest.raises(InputError, match=r"edge_high of RegionGrowing: got 2; expected .* >= 5"):
         RegionGrowing(edge_low=5, edge_high=2)
     with pytest.raises(InputError, match="blur_px"):
         RegionGrowing(blur_px=0)
-    with pytest.raises(InputError, match="boundary fit"):
+    with pytest.raises(InputError, match="sigma_px"):
         BoundaryFit(sigma_px=0)
 
 

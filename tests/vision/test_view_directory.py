@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from tests.schema_rules import follows
+from vision import view_directory
+from vision.camera import View
 from vision.errors import FileFormatError, InputError
 from vision.teaching.session import Session
 from vision.teaching.view_directory import load_part_name, load_views, save_views
@@ -116,10 +118,10 @@ def test_reader_also_refuses_what_a_schema_cannot_say(path, value, named, lesson
 
 def test_missing_files_and_pictures_that_are_none_are_refused(lesson, tmp_path):
     (lesson / "view_1.png").write_bytes(b"no picture")
-    with pytest.raises(InputError, match=r"picture: got .*view_1\.png"):
+    with pytest.raises(InputError, match=r"picture .*view_1\.png: got"):
         load_views(lesson)
     (lesson / "view_1.png").unlink()
-    with pytest.raises(InputError, match=r"picture: got .*view_1\.png"):
+    with pytest.raises(InputError, match=r"picture .*view_1\.png: got"):
         load_views(lesson)
     with pytest.raises(InputError, match=r"views\.json"):
         load_views(tmp_path / "nowhere")
@@ -128,3 +130,43 @@ def test_missing_files_and_pictures_that_are_none_are_refused(lesson, tmp_path):
 def test_views_of_one_name_are_refused(tmp_path, views):
     with pytest.raises(InputError, match="different names"):
         save_views(tmp_path, [views[0], replace(views[1], name=views[0].name)], "plate")
+
+
+def test_the_views_of_a_scene_come_back_as_they_were_taken(tmp_path, views):
+    bent = View(
+        views[0].image, replace(views[0].camera, distortion=(-0.2, 0.05, 0.0, 0.0, 0.0)), views[0].T_world_camera
+    )
+    view_directory.save_views(str(tmp_path), [bent])
+    (loaded,) = view_directory.load_views(str(tmp_path))
+    assert (loaded.camera, loaded.name) == (bent.camera, bent.name)
+    assert np.array_equal(loaded.image, bent.image)
+    assert np.allclose(loaded.T_world_camera.as_matrix(), bent.T_world_camera.as_matrix(), rtol=0, atol=1e-12)
+
+
+def test_a_lesson_is_a_scene_too(lesson, views):
+    for before, after in zip(views, view_directory.load_views(lesson), strict=True):
+        assert np.array_equal(before.gray, after.image)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "named"),
+    [
+        (("views",), [], "views"),
+        (("views", 0, "T_world_camera"), ..., r"views\[0\]\.T_world_camera"),
+        (("views", 0, "T_part_camera"), np.eye(4).tolist(), r"views\[0\]\.T_part_camera"),
+        (("views", 0, "T_world_camera", 3), [0, 0, 1, 1], r"views\[0\]\.T_world_camera"),
+        (("unit",), "mm", "unit"),
+        (("scene",), "bin", "scene"),
+    ],
+    ids=str,
+)
+def test_a_wrong_description_of_a_scene_is_refused(path, value, named, tmp_path, views):
+    view_directory.save_views(tmp_path, views)
+    described(tmp_path, path, value)
+    with pytest.raises(FileFormatError, match=rf"views\.json: {named}: got"):
+        view_directory.load_views(tmp_path)
+
+
+def test_a_directory_without_a_description_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"views\.json.*docs/vision\.md"):
+        view_directory.load_views(tmp_path)

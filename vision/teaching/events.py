@@ -10,18 +10,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from vision.errors import InputError
 from vision.extraction_thresholds import ExtractionThresholds
 from vision.features import Process
+from vision.rigid import rigid_transform
 from vision.vision_model import GraspKind, Role
 
 Matrix = tuple[tuple[float, ...], ...]
 """A pose as four rows of four numbers."""
-
-_RIGID_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,15 +224,4 @@ def pose_of(matrix: Matrix) -> RigidTransform:
     Raises:
         InputError: when the matrix is not a rigid motion.
     """
-    m = np.array(matrix, dtype=float)
-    if m.shape != (4, 4) or not np.isfinite(m).all() or not _rigid(m):
-        raise InputError("pose", got=np.array(matrix).tolist(), expected="a 4x4 matrix of a rigid motion")
-    return RigidTransform.from_matrix(m)
-
-
-def _rigid(m: np.ndarray) -> bool:
-    rotation = m[:3, :3]
-    if np.abs(rotation).max() > 2:  # the product of larger numbers could overflow
-        return False
-    off = max(np.abs(rotation @ rotation.T - np.eye(3)).max(), np.abs(m[3] - [0, 0, 0, 1]).max())
-    return bool(off < _RIGID_TOLERANCE and np.linalg.det(rotation) > 0)
+    return rigid_transform(matrix, "pose")
