@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 
 from vision.camera import Camera, View
 from vision.candidates import Workspace
+from vision.detector import detect_ellipses
 from vision.edges import as_gray, detect_edges
 from vision.errors import InputError
 from vision.explain import explain
-from vision.grouping import detect_ellipses, group_edges
+from vision.grouping import group_edges
 from vision.localizer import EllipseLocalizer, Localization
 from vision.regions import region_ellipses
 from vision.segmentation import segment
