@@ -23,7 +23,7 @@ OUTSIDE = -2  # the step lies outside the image
 NOTHING = -1  # no edge supports the step
 
 
-class EdgeField(NamedTuple):
+class EdgeArrays(NamedTuple):
     """The edges of an image as the compiled functions read them.
 
     Attributes:
@@ -41,7 +41,7 @@ class EdgeField(NamedTuple):
     chain_points: NDArray[np.int64]
 
     @classmethod
-    def of(cls, edges: EdgeMap) -> EdgeField:
+    def of(cls, edges: EdgeMap) -> EdgeArrays:
         """What the compiled functions need of an image's edges."""
         chain_points = np.diff(edges.offsets)
         chain = np.repeat(np.arange(len(chain_points)), chain_points)

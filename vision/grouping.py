@@ -11,7 +11,7 @@ from vision.edges import EdgeMap, EdgeParameters, as_gray, detect_edges
 from vision.ellipse_filter import FilterParameters, FilterResult, distances, fit_ellipse, unshrink
 from vision.ellipse_pairs import is_known
 from vision.ellipse_score import COVERAGE, SCORE
-from vision.ellipse_support import EdgeField
+from vision.ellipse_support import EdgeArrays
 from vision.errors import InputError
 from vision.features import EllipseFeature
 from vision.fragments import Fragment, FragmentParameters, FragmentTable, extract_fragments
@@ -145,9 +145,9 @@ def group_edges(
         parameters.max_error_px,
         *size,
     )
-    edge_field = EdgeField.of(edges)
-    ps, quality = verify_hypotheses(ps, groups, edge_field, points, limits, parameters.max_attempts)
-    chosen, numbers, quality = select_survivors(ps, quality[:, SCORE], edge_field, limits)
+    arrays = EdgeArrays.of(edges)
+    ps, quality = verify_hypotheses(ps, groups, arrays, points, limits, parameters.max_attempts)
+    chosen, numbers, quality = select_survivors(ps, quality[:, SCORE], arrays, limits)
     features = _filter_survivors(ps[chosen], numbers, quality, edges, parameters)
     return Grouping(edges, table, tuple(features), parameters.tolerance_px)
 

@@ -16,7 +16,7 @@ from vision.ellipse_score import COVERAGE, ERROR, QUALITIES, SCORE, VISIBLE, ass
 from vision.ellipse_support import (
     MAX_STEPS,
     NOTHING,
-    EdgeField,
+    EdgeArrays,
     axes,
     drop_short_runs,
     gather,
@@ -145,7 +145,7 @@ def select(ps, order, concentric, edges, limits, out_hits, out_steps, out_qualit
 def verify_hypotheses(
     ps: Array,
     groups: NDArray[np.int64],
-    edges: EdgeField,
+    edges: EdgeArrays,
     points: Representatives,
     limits: Limits,
     max_attempts: int,
@@ -171,7 +171,7 @@ def verify_hypotheses(
 
 
 def select_survivors(
-    ps: Array, scores: Array, edges: EdgeField, limits: Limits
+    ps: Array, scores: Array, edges: EdgeArrays, limits: Limits
 ) -> tuple[NDArray[np.int64], list[NDArray[np.int64]], Array]:
     """Let survivors compete for edge points, so that duplicates and parasites of better ellipses go.
 

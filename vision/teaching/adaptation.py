@@ -1,4 +1,4 @@
-"""Thresholds that make the extractors return what the person drew: the paper's further work, 'adaptive' (Section 7).
+"""Thresholds that make the extractors return what the person drew: the paper's further work, 'adaptive' (Section 8).
 
 A small and honest search: each threshold of an extractor that missed something is tried at a handful of values around
 its default, one after another, on the taught views alone. What is counted is what the person can see on the page.
