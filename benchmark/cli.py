@@ -10,11 +10,13 @@ import io
 import itertools
 import os
 import shutil
+import signal
 import sys
 import tempfile
 import textwrap
+import threading
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from benchmark.localizer_error import LocalizerError
 from vision.errors import FocalpickError, InputError
@@ -125,7 +127,25 @@ def _first_sentence(box: str) -> str:
 
 def _load(name: str) -> Callable[..., int]:
     module, _, function = COMMANDS[name].partition(":")
-    return getattr(importlib.import_module(module), function)
+    with _interrupt_ends_process():
+        return getattr(importlib.import_module(module), function)
+
+
+@contextlib.contextmanager
+def _interrupt_ends_process() -> Iterator[None]:
+    """Let Ctrl-C end the process at once: some libraries swallow a KeyboardInterrupt while they are imported."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def end(*_: object) -> None:
+        os._exit(_fail("stopped", EXIT_INTERRUPTED))
+
+    before = signal.signal(signal.SIGINT, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _overview() -> str:

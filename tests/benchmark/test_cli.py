@@ -323,3 +323,27 @@ def test_pace_leaves_the_first_episode_of_each_worker_out() -> None:
 )
 def test_duration(seconds: float, text: str) -> None:
     assert duration(seconds) == text
+
+
+def test_ctrl_c_ends_the_program_even_where_an_import_swallows_it(tmp_path):
+    (tmp_path / "swallowing.py").write_text(
+        "import time\n"
+        "try:\n"
+        "    print('importing', flush=True)\n"
+        "    time.sleep(30)\n"
+        "except KeyboardInterrupt:\n"
+        "    pass\n"
+        "def command():\n"
+        "    print('ran')\n"
+    )
+    program = (
+        "import sys; from benchmark import cli; cli.COMMANDS['x'] = 'swallowing:command'; sys.exit(cli.main(['x']))"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    with subprocess.Popen(
+        [sys.executable, "-c", program], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout.readline() == "importing\n"
+        process.send_signal(signal.SIGINT)
+        rest, errors = process.communicate(timeout=20)
+    assert (process.returncode, rest, errors) == (130, "", "focalpick: stopped\n")
