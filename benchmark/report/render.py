@@ -12,7 +12,7 @@ from rich.console import Console, RenderableType
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from benchmark.metrics import BARELY_VISIBLE
+from benchmark.metrics import BARELY_VISIBLE, ELLIPSOID_SHARE
 from benchmark.report.margins import Margin
 from benchmark.report.published import TITLES, PublishedErrors
 from benchmark.report.tables import STAGES, AccuracyRow, Rate, Summary, Table
@@ -48,8 +48,9 @@ class Grid:
 
 
 def grids(table: Table) -> list[Grid]:
-    """The grids that are shown: Table 1, Fig. 10 (a) and (b), the margin, picks, and what was counted apart."""
-    shown = [_table1(table), *_joint(table), *(_fig10(table, stage) for stage in STAGES), *_margins(table)]
+    """The grids that are shown: Table 1, covariances, Fig. 10, the margin, picks, and what was counted apart."""
+    shown = [_table1(table), *_joint(table), _coverage(table)]
+    shown += [*(_fig10(table, stage) for stage in STAGES), *_margins(table)]
     if any(rate.n for rate in table.picks.values()):
         shown.append(_picks(table))
     return [*shown, _counts(table)]
@@ -141,6 +142,20 @@ def _joint(table: Table) -> list[Grid]:
             rows=cells,
         )
     ]
+
+
+def _coverage(table: Table) -> Grid:
+    """How far the covariances that come with the poses can be believed."""
+    rows = []
+    for part in table.parts:
+        rates = [table.find_accuracy(part, method, BARELY_VISIBLE).coverage for method in table.methods]
+        rows.append((part_title(part), str(max(rate.n for rate in rates)), *map(rate_text, rates)))
+    return Grid(
+        title=f"Inside the {ELLIPSOID_SHARE:.0%} ellipsoid: share of true poses that the covariance allows for",
+        columns=("Object", "n", *(METHOD_TITLES.get(m, m) for m in table.methods)),
+        rows=tuple(rows),
+        note=f"Matched pieces at least {BARELY_VISIBLE:.0%} visible. In brackets: 95 % Wilson interval.",
+    )
 
 
 def _accuracy_cells(row: AccuracyRow, rows: Sequence[AccuracyRow], i: int) -> tuple[str, ...]:

@@ -11,7 +11,14 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 from benchmark.config import SweepConfig, episodes
-from benchmark.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary, summarise, wilson_interval
+from benchmark.metrics import (
+    BARELY_VISIBLE,
+    HALF_VISIBLE,
+    Summary,
+    is_inside_ellipsoid,
+    summarise,
+    wilson_interval,
+)
 from benchmark.records import EpisodeRecord, PieceRecord, PoseErrors
 from benchmark.report.margins import Margin, paired_margin
 from benchmark.report.published import FIGURE_10, TABLE_1, PublishedErrors, paper_order
@@ -22,30 +29,6 @@ COMPARED = ("dual", "region")
 STAGES = ("extraction", "matching")
 QUANTITIES = ("translation_mm", "rotation_deg", "tilt_deg", "inplane_deg", "mssd_mm")
 LEVELS = (HALF_VISIBLE, BARELY_VISIBLE)
-
-
-@dataclass(frozen=True)
-class AccuracyRow:
-    """Pose errors of one part's matched pieces.
-
-    Attributes:
-        part: its name.
-        method: the localizer; ``region`` and ``group`` are the paper's region-match and group-match.
-        min_visibility: pieces less visible are left out.
-        errors: one summary for each of ``QUANTITIES``; its n is less where a quantity is undefined for the part.
-        published: the paper's row, where it has one.
-    """
-
-    part: str
-    method: str
-    min_visibility: float
-    errors: dict[str, Summary]
-    published: PublishedErrors | None
-
-    @property
-    def n(self) -> int:
-        """Number of matched pieces."""
-        return self.errors["translation_mm"].n
 
 
 @dataclass(frozen=True)
@@ -65,6 +48,33 @@ class Rate:
         if n == 0:
             return cls(0, 0, None, None, None)
         return cls(n, successes, successes / n, *wilson_interval(successes, n))
+
+
+@dataclass(frozen=True)
+class AccuracyRow:
+    """Pose errors of one part's matched pieces.
+
+    Attributes:
+        part: its name.
+        method: the localizer; ``region`` and ``group`` are the paper's region-match and group-match.
+        min_visibility: pieces less visible are left out.
+        errors: one summary for each of ``QUANTITIES``; its n is less where a quantity is undefined for the part.
+        coverage: the share of true poses inside the 95 % ellipsoids of the poses' covariances; its n is less where
+            a covariance is not known, as in records of older versions.
+        published: the paper's row, where it has one.
+    """
+
+    part: str
+    method: str
+    min_visibility: float
+    errors: dict[str, Summary]
+    coverage: Rate
+    published: PublishedErrors | None
+
+    @property
+    def n(self) -> int:
+        """Number of matched pieces."""
+        return self.errors["translation_mm"].n
 
 
 @dataclass(frozen=True)
@@ -212,13 +222,15 @@ def to_dict(table: Table) -> dict[str, object]:
 
 
 def _accuracy(pieces: Sequence[PieceRecord], part: str, method: str, min_visibility: float) -> AccuracyRow:
-    errors = [
-        result.errors
+    matched = [
+        result
         for piece in _counted(pieces, part, min_visibility)
-        if (result := piece.results.get(method)) is not None and result.matched and result.errors is not None
+        if (result := piece.results.get(method)) is not None and result.matched
     ]
+    errors = [result.errors for result in matched if result.errors is not None]
     summaries = {quantity: summarise(_values(errors, quantity)) for quantity in QUANTITIES}
-    return AccuracyRow(part, method, min_visibility, summaries, TABLE_1.get((part, method)))
+    coverage = Rate.of([is_inside_ellipsoid(r.normalized) for r in matched if r.normalized is not None])
+    return AccuracyRow(part, method, min_visibility, summaries, coverage, TABLE_1.get((part, method)))
 
 
 def _values(errors: Sequence[PoseErrors], quantity: str) -> list[float]:
@@ -273,7 +285,8 @@ def _flat(row: AccuracyRow) -> dict[str, object]:
         for name in ("mean", "std", "median")
     }
     fields = {"part": row.part, "method": row.method, "min_visibility": row.min_visibility, "n": row.n}
-    return {**fields, **statistics, "published": asdict(row.published) if row.published else None}
+    published = asdict(row.published) if row.published else None
+    return {**fields, **statistics, "coverage": asdict(row.coverage), "published": published}
 
 
 def _flat_success(row: SuccessRow) -> dict[str, object]:

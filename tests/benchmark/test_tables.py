@@ -11,7 +11,7 @@ from rich.console import Console
 
 from benchmark.config import SweepConfig, episodes
 from benchmark.metrics import wilson_interval
-from benchmark.records import EpisodeRecord, PickRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.records import EpisodeRecord, NormalizedError, PickRecord, PieceRecord, PoseErrors, ProcessResult
 from benchmark.report.figures import save_figures
 from benchmark.report.render import as_markdown, print_table
 from benchmark.report.tables import build_table, to_dict
@@ -91,6 +91,25 @@ def test_without_both_localizers_there_is_no_margin() -> None:
     table = build_table(CONFIG, [record(pieces=(piece(0, 0.9, region=matched(1.0)),))])
     assert {margin["n"] for margin in to_dict(table)["margins"]} == {0}
     assert "Excludes zero" not in shown(table)
+
+
+def believed(squared: float, components: int = 6) -> ProcessResult:
+    return replace(matched(1.0), normalized=NormalizedError(squared, components))
+
+
+def test_coverage_is_the_share_of_matched_pieces_inside_the_ellipsoid() -> None:
+    """The 95 % quantiles of chi-square are 12.59 for six components and 11.07 for five."""
+    pieces = [believed(12.5), believed(12.7), believed(11.2, 5), believed(11.0, 5), matched(1.0), FOUND]
+    table = build_table(CONFIG, [record(pieces=tuple(piece(i, 0.9, dual=p) for i, p in enumerate(pieces)))])
+    (row,) = (
+        r for r in to_dict(table)["accuracy"] if (r["part"], r["method"], r["min_visibility"]) == ("hub", "dual", 0.5)
+    )
+    assert (row["n"], row["coverage"]["n"], row["coverage"]["successes"]) == (5, 4, 2)
+    assert (row["coverage"]["low"], row["coverage"]["high"]) == wilson_interval(2, 4)
+    text = shown(table)
+    hub, cover1 = (line.split() for line in text[text.index("Inside the 95% ellipsoid") :].splitlines()[4:6])
+    assert hub == ["Hub", "4", "–", "–", "50%", "(15%", "to", "85%)"]
+    assert cover1[-4:] == ["0", "–", "–", "–"]
 
 
 def test_table1_is_over_matched_pieces_in_the_papers_order() -> None:
