@@ -23,8 +23,8 @@ from benchmark.commands.common import prepare_process, results_console
 from benchmark.config import EpisodeConfig, episode_seed
 from benchmark.episode import EpisodeObserver, run_episode, workspace
 from benchmark.localizers import load_model
+from benchmark.report.grid import part_title
 from benchmark.report.published import PARTS
-from benchmark.report.render import part_title
 from benchmark.world.cell import WorkCell
 from vision.camera import View
 from vision.candidates import Workspace

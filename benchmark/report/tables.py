@@ -17,11 +17,12 @@ from benchmark.metrics import (
     Summary,
     is_inside_ellipsoid,
     summarise,
-    wilson_interval,
 )
 from benchmark.records import EpisodeRecord, PieceRecord, PoseErrors
+from benchmark.report.made_good import MadeGood, made_good
 from benchmark.report.margins import Margin, paired_margin
 from benchmark.report.published import FIGURE_10, TABLE_1, PublishedErrors, paper_order
+from benchmark.report.rate import Rate
 
 PROCESSES = ("region", "group")
 METHODS = ("region", "group", "dual")
@@ -29,25 +30,6 @@ COMPARED = ("dual", "region")
 STAGES = ("extraction", "matching")
 QUANTITIES = ("translation_mm", "rotation_deg", "tilt_deg", "inplane_deg", "mssd_mm")
 LEVELS = (HALF_VISIBLE, BARELY_VISIBLE)
-
-
-@dataclass(frozen=True)
-class Rate:
-    """A success rate with its 95 % Wilson interval; None throughout for an empty sample."""
-
-    n: int
-    successes: int
-    rate: float | None
-    low: float | None
-    high: float | None
-
-    @classmethod
-    def of(cls, outcomes: Sequence[bool]) -> Rate:
-        """From the single outcomes."""
-        n, successes = len(outcomes), sum(outcomes)
-        if n == 0:
-            return cls(0, 0, None, None, None)
-        return cls(n, successes, successes / n, *wilson_interval(successes, n))
 
 
 @dataclass(frozen=True)
@@ -131,6 +113,7 @@ class Table:
         accuracy: for each part, method and visibility level.
         success: for each part, method, stage and visibility level.
         margins: of dual over region growing alone in matching, for each part and visibility level.
+        made_good: what dual matched of what one extractor lost, for each part and visibility level.
         picks: success rate of attempted picks by part.
         counts: by part.
     """
@@ -142,6 +125,7 @@ class Table:
     accuracy: tuple[AccuracyRow, ...]
     success: tuple[SuccessRow, ...]
     margins: tuple[Margin, ...]
+    made_good: tuple[MadeGood, ...]
     picks: dict[str, Rate]
     counts: tuple[PartCount, ...]
 
@@ -202,6 +186,7 @@ def build_table(config: SweepConfig, records: Sequence[EpisodeRecord], levels: S
         accuracy=tuple(_accuracy(pieces, *cell) for cell in cells),
         success=tuple(_success(pieces, *cell, stage) for stage in STAGES for cell in cells),
         margins=tuple(paired_margin(finished, part, COMPARED, level) for level in levels for part in parts),
+        made_good=tuple(made_good(finished, part, level) for level in levels for part in parts),
         picks={part: _picks(finished, part) for part in parts},
         counts=tuple(_count(finished, part) for part in parts),
     )
@@ -213,6 +198,7 @@ def to_dict(table: Table) -> dict[str, object]:
         "table1": [{"process": row.method, **_flat(row)} for row in table.table1],
         "fig10": [_flat_success(row) for row in table.success],
         "margins": [{**asdict(margin), "excludes_zero": margin.excludes_zero} for margin in table.margins],
+        "made_good": [asdict(row) for row in table.made_good],
         "picks": [{"part": part, **asdict(rate)} for part, rate in table.picks.items()],
         "accuracy": [_flat(row) for row in table.accuracy],
         "counts": [asdict(count) for count in table.counts],

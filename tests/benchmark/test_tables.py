@@ -87,10 +87,40 @@ def test_margin_of_dual_over_region_growing_is_over_the_same_pieces() -> None:
     assert row[-1] == "yes"
 
 
-def test_without_both_localizers_there_is_no_margin() -> None:
+def test_without_both_localizers_there_is_no_comparison_of_them() -> None:
     table = build_table(CONFIG, [record(pieces=(piece(0, 0.9, region=matched(1.0)),))])
     assert {margin["n"] for margin in to_dict(table)["margins"]} == {0}
     assert "Excludes zero" not in shown(table)
+    assert "lost it" not in shown(table)
+
+
+def test_what_one_extractor_lost_and_dual_matched_is_counted() -> None:
+    hit, lost = matched(1.0), MISSED
+    trios = [
+        (hit, hit, hit),  # both extracted it
+        (FOUND, FOUND, FOUND),
+        (lost, hit, hit),  # region growing lost it
+        (lost, FOUND, hit),
+        (lost, FOUND, FOUND),
+        (hit, lost, hit),  # edge grouping lost it
+        (lost, lost, hit),  # an arc was enough
+        (lost, lost, lost),
+    ]
+    pieces = tuple(piece(i, 0.9, region=r, group=g, dual=d) for i, (r, g, d) in enumerate(trios))
+    unjudged = (piece(8, 0.9, region=lost, dual=hit), piece(9, 0.9, in_bin=False, region=lost, group=hit, dual=hit))
+    table = build_table(CONFIG, [record(pieces=pieces + unjudged)])
+    (row,) = (r for r in to_dict(table)["made_good"] if (r["part"], r["min_visibility"]) == ("hub", 0.5))
+    counts = {name: (r["successes"], r["n"]) for name, r in {**row["extraction"], **row["matching"]}.items()}
+    assert counts == {
+        "both": (1, 2),
+        "region_lost": (2, 3),
+        "group_lost": (1, 1),
+        "region_missed": (3, 6),
+        "group_missed": (3, 6),
+        "both_missed": (2, 5),
+    }
+    assert "2 of 3 (21% to 94%)" in shown(table)
+    assert max(map(len, shown(table).splitlines())) <= 120
 
 
 def believed(squared: float, components: int = 6) -> ProcessResult:
