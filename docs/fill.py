@@ -132,7 +132,7 @@ def fill_teaching(directory: Path) -> None:
 
 def fill_timing(file: Path) -> None:
     """What `python -m benchmark.vision_timing --format md` printed."""
-    _put(ACCURACY, "timing", file.read_text(encoding="utf-8"))
+    _put(ACCURACY, "timing", f"Measured:\n\n{file.read_text(encoding='utf-8')}")
 
 
 FILLS: dict[str, Callable[[Path], None]] = {
