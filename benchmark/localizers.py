@@ -15,10 +15,12 @@ from scipy.spatial.transform import RigidTransform
 
 from benchmark.world.mesh_file import MeshReference
 from vision import model_file
+from vision.calibration_error import EXACT, CalibrationError
 from vision.camera import View
 from vision.candidates import Workspace
 from vision.errors import InputError
 from vision.localizer import EllipseLocalizer, Localization, Localizer
+from vision.matching_parameters import MatchingParameters
 from vision.pose import PoseEstimate
 from vision.vision_model import VisionModel
 
@@ -48,7 +50,9 @@ def load_model(part: str, models: str | None = None) -> VisionModel:
     return model if mesh is None else replace(model, part=part)
 
 
-def make_localizer(name: str, models: Sequence[VisionModel], truth: Truth) -> Localizer:
+def make_localizer(
+    name: str, models: Sequence[VisionModel], truth: Truth, calibration: CalibrationError = EXACT
+) -> Localizer:
     """The localizer of that name.
 
     Args:
@@ -56,6 +60,7 @@ def make_localizer(name: str, models: Sequence[VisionModel], truth: Truth) -> Lo
             ``focalpick.localizers``, or ``package.module:factory``. A factory takes the taught models.
         models: the taught models of the parts in the scene.
         truth: part name and true pose of every piece; handed to the oracle alone.
+        calibration: how large the errors of the calibration are on average.
 
     Raises:
         InputError: there is no such localizer, or what was found is none.
@@ -63,7 +68,8 @@ def make_localizer(name: str, models: Sequence[VisionModel], truth: Truth) -> Lo
     if name == "oracle":
         return Oracle(truth)
     if name in _BUILT_IN:
-        return EllipseLocalizer(models, _BUILT_IN[name])  # type: ignore[arg-type]
+        parameters = MatchingParameters(calibration=calibration)
+        return EllipseLocalizer(models, _BUILT_IN[name], parameters)  # type: ignore[arg-type]
     localizer = _factory(name)(models)
     if not isinstance(localizer, Localizer):
         raise InputError(

@@ -215,6 +215,7 @@ class Matcher:
             self.views,
             iterations=len(reach),
             inplane=inplane,
+            calibration=self.parameters.calibration,
         )
 
     def _refined_on_ellipses(self, T: Array, matches: NDArray[np.intp], features: Features) -> Refinement | None:
@@ -226,4 +227,5 @@ class Matcher:
             self.views,
             iterations=4,
             inplane=False,
+            calibration=self.parameters.calibration,
         )

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from vision.calibration_error import EXACT, CalibrationError
 from vision.camera import View
 from vision.vectors import cross
 
@@ -89,6 +90,7 @@ def refine_pose(
     iterations: int,
     inplane: bool,
     robust_scale: float = 3.0,
+    calibration: CalibrationError = EXACT,
 ) -> Refinement | None:
     """Gauss-Newton on the distances of edge points along the contour normals, with Tukey's weights.
 
@@ -99,6 +101,7 @@ def refine_pose(
         iterations: number of steps.
         inplane: False holds the rotation about the part's z axis, which coaxial circles cannot tell.
         robust_scale: residual, in robust standard deviations, beyond which an edge point is ignored.
+        calibration: how unsure the views' poses and lens are, which the covariance then includes.
 
     Returns:
         None when too few edge points are left.
@@ -121,7 +124,8 @@ def refine_pose(
         N += 1e-9 * np.diag(np.diag(N))
         step = np.asarray(np.linalg.solve(N, J.T @ (weights * residuals)), dtype=np.float64)
         T = _moved(T, step)
-    return _outcome(T, N, J, residuals, weights, seen, inplane, cameras)
+    unsure = calibration.pose_covariance(T, seen, J, weights, N, views)
+    return _outcome(T, N, J, residuals, weights, seen, inplane, cameras, unsure)
 
 
 def _linearise(T: Array, seen: Observations, cameras: list[tuple[Array, Array]]) -> tuple[Array, Array]:
@@ -168,6 +172,7 @@ def _outcome(
     seen: Observations,
     inplane: bool,
     cameras: Sequence[tuple[Array, Array]],
+    unsure: Array,
 ) -> Refinement:
     kept = max(float(weights.sum()), 1.0)
     # The sandwich of an M-estimator: Tukey's psi is w r, its derivative sqrt(w) (5 sqrt(w) - 4).
@@ -175,7 +180,7 @@ def _outcome(
     inverse = np.linalg.inv(J.T @ (slope[:, None] * J) + (N - J.T @ (weights[:, None] * J)))
     psi = weights * residuals
     spread = (J * (psi**2)[:, None]).T @ J + _systematic(J, weights, seen, T[:3, 2])
-    covariance = inverse @ spread @ inverse + _common_shift(T, cameras)
+    covariance = inverse @ spread @ inverse + _common_shift(T, cameras) + unsure
     if not inplane:
         axis = np.concatenate([np.zeros(3), T[:3, 2]])
         covariance = covariance + np.pi**2 / 3 * np.outer(axis, axis)  # uniform over the circle
