@@ -25,8 +25,9 @@ from benchmark.world.cell import WorkCell
 from benchmark.world.drop import DropResult, OnStep
 from benchmark.world.parts import get_part
 from benchmark.world.scene import CellConfig, cell_config
-from benchmark.world.sensor import sensor_config, with_hand_eye_error
+from benchmark.world.sensor import calibration_error, sensor_config, with_hand_eye_error
 from robot.viewpoints import footprint, reachable_viewpoints, stations
+from vision.calibration_error import CalibrationError
 from vision.camera import View
 from vision.candidates import Workspace
 from vision.errors import InputError
@@ -105,7 +106,9 @@ def run_episode(
             dropped = cell.drop(drop_rng, on_step)
         sight = _look(cell, config, sensor_rng, watch, observer, on_step)
         pieces = _true_pieces(cell, dropped, sight)
-        localizer = _localizer(config, study, lambda: [(p.part, p.T_world_part) for p in pieces])
+        localizer = _localizer(
+            config, study, lambda: [(p.part, p.T_world_part) for p in pieces], calibration_error(cell.sensor)
+        )
         with watch.stage("vision"):
             localization = localizer.localize(sight.views, workspace(cell.config))
         localization = with_answers_alone(localizer, localization, sight.views, workspace(cell.config))
@@ -129,15 +132,18 @@ def run_episode(
     )
 
 
-def _localizer(config: EpisodeConfig, study: Path | None, truth: Truth) -> Localizer:
+def _localizer(config: EpisodeConfig, study: Path | None, truth: Truth, calibration: CalibrationError) -> Localizer:
     """What the episode's localizer is, with the models that the episode's variant has been taught."""
     if config.variant is None or not config.variant.is_taught:
-        return make_localizer(config.localizer, [load_model(part, config.models) for part in config.parts], truth)
+        models = [load_model(part, config.models) for part in config.parts]
+        return make_localizer(config.localizer, models, truth, calibration)
     if study is None:
         expected = "the directory of the sweep in which it was taught"
         raise InputError(f"models of variant {config.variant.name}", got="none", expected=expected)
     models = taught_models(study, config.variant, config.parts)
-    return make_localizer(config.localizer, models, truth) if models else Untaught(config.localizer)
+    if not models:
+        return Untaught(config.localizer)
+    return make_localizer(config.localizer, models, truth, calibration)
 
 
 def workspace(config: CellConfig) -> Workspace:

@@ -19,6 +19,7 @@ from benchmark.metrics import (
     is_extracted,
     match_limit_mm,
     mssd_mm,
+    normalized_error,
     pose_errors,
 )
 from benchmark.records import PieceRecord, ProcessResult
@@ -118,9 +119,11 @@ def _result(
     mine = next((i for i, j in assignment.pairs if j == index), None)
     if mine is None:
         return ProcessResult(extracted, matched=False)
-    symmetry = get_part(piece.part).symmetry
-    errors = pose_errors(estimates[mine].T_world_part, piece.T_world_part, symmetry, _hull(piece.part))
-    return ProcessResult(extracted, matched=True, errors=errors)
+    symmetry, estimate = get_part(piece.part).symmetry, estimates[mine]
+    pose, truth = estimate.T_world_part, piece.T_world_part
+    errors = pose_errors(pose, truth, symmetry, _hull(piece.part))
+    normalized = normalized_error(pose, estimate.covariance, truth, symmetry, inplane_known=estimate.inplane_known)
+    return ProcessResult(extracted, matched=True, errors=errors, normalized=normalized)
 
 
 def _extracted(name: str, ellipses: Sequence[Sequence[Ellipse]], localization: Localization) -> bool:

@@ -14,11 +14,13 @@ from scipy.spatial.transform import RigidTransform
 from benchmark.user_localizer import REFERENCE, WatchedLocalizer, imported, make_watched
 from benchmark.world.mesh_file import MeshReference
 from vision import model_file
+from vision.calibration_error import EXACT, CalibrationError
 from vision.camera import View
 from vision.candidates import Workspace
 from vision.errors import InputError
 from vision.localizer import EllipseLocalizer, Localization, Localizer
 from vision.localizer_arguments import PRESETS
+from vision.matching_parameters import MatchingParameters
 from vision.pose import PoseEstimate
 from vision.vision_model import VisionModel
 
@@ -46,7 +48,9 @@ def load_model(part: str, models: str | None = None) -> VisionModel:
     return model if mesh is None else replace(model, part=part)
 
 
-def make_localizer(name: str, models: Sequence[VisionModel], truth: Truth) -> Localizer:
+def make_localizer(
+    name: str, models: Sequence[VisionModel], truth: Truth, calibration: CalibrationError = EXACT
+) -> Localizer:
     """The localizer of that name.
 
     Args:
@@ -54,6 +58,7 @@ def make_localizer(name: str, models: Sequence[VisionModel], truth: Truth) -> Lo
             ``focalpick.localizers``, or ``package.module:factory``. A factory takes the taught models.
         models: the taught models of the parts in the scene.
         truth: part name and true pose of every piece; handed to the oracle alone.
+        calibration: how large the errors of the calibration are on average.
 
     Raises:
         InputError: there is no such localizer.
@@ -62,7 +67,7 @@ def make_localizer(name: str, models: Sequence[VisionModel], truth: Truth) -> Lo
     if name == "oracle":
         return Oracle(truth)
     if name in PRESETS:
-        return EllipseLocalizer(models, name)
+        return EllipseLocalizer(models, name, MatchingParameters(calibration=calibration))
     if ":" in name:
         return make_watched(name, lambda: imported(name), models)
     registered = {point.name: point for point in entry_points(group=ENTRY_POINTS)}

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.special import chdtri
 
-from benchmark.records import PoseErrors
+from benchmark.records import NormalizedError, PoseErrors
 
 Array = NDArray[np.float64]
 Estimate = TypeVar("Estimate")
@@ -36,6 +37,9 @@ HALF_VISIBLE = 0.5
 
 BARELY_VISIBLE = 0.1
 """... and over pieces that are at least this visible. Pieces less visible are counted apart, in no rate."""
+
+ELLIPSOID_SHARE = 0.95
+"""The share of true poses that the ellipsoid of a pose's covariance is to hold."""
 
 _MOST_HULL_POINTS = 2000
 _CONTINUOUS_STEPS = 36
@@ -128,6 +132,52 @@ def pose_errors(
     )
 
 
+def normalized_error(
+    T_world_estimate: RigidTransform,
+    covariance: Array,
+    T_world_truth: RigidTransform,
+    symmetry: SymmetryLike,
+    *,
+    inplane_known: bool = True,
+) -> NormalizedError | None:
+    """The error of a pose, squared, in units of the covariance that came with it.
+
+    The error has the order and the frame of ``vision.pose.PoseEstimate.covariance``: the translation and then the
+    rotation vector that lead from the true pose to the estimate, both in the world frame and about the part's
+    origin. Of the poses that look the same, the nearest one is the true pose.
+
+    Args:
+        T_world_estimate: the estimated pose.
+        covariance: (6, 6) of the estimate, metres and radians.
+        T_world_truth: the true pose.
+        symmetry: of the part about its z axis.
+        inplane_known: False leaves the rotation about the estimated axis out, as a continuous symmetry does.
+
+    Returns:
+        None where the covariance is not (6, 6), finite, symmetric and positive definite.
+    """
+    if np.shape(covariance) != (6, 6):
+        return None
+    whole = inplane_known and symmetry.fold is not None
+    T_truth_estimate = T_world_truth.inv() * T_world_estimate
+    rotations = _symmetry_rotations(symmetry.fold if whole else None, T_truth_estimate.rotation)
+    left_over = T_truth_estimate.rotation * rotations
+    nearest = left_over[int(np.argmin(left_over.magnitude()))]
+    turn = T_world_truth.rotation.apply(nearest.as_rotvec())  # the same rotation, with its axis in the world frame
+    error = np.concatenate([T_world_estimate.translation - T_world_truth.translation, turn])
+    counted = np.eye(6)
+    if not whole:
+        across_axis = T_world_estimate.rotation.as_matrix()[:, :2]
+        counted = np.block([[np.eye(3), np.zeros((3, 2))], [np.zeros((3, 3)), across_axis]])
+    squared = _squared_in_units_of(counted.T @ covariance @ counted, counted.T @ error)
+    return None if squared is None else NormalizedError(squared, counted.shape[1])
+
+
+def is_inside_ellipsoid(error: NormalizedError) -> bool:
+    """Whether the true pose lies in the ellipsoid of the estimate that is to hold ``ELLIPSOID_SHARE`` of them."""
+    return bool(error.squared < chdtri(error.components, 1 - ELLIPSOID_SHARE))
+
+
 @dataclass(frozen=True)
 class Assignment:
     """Estimates given to true pieces, one to one.
@@ -191,6 +241,22 @@ def summarise(values: Sequence[float]) -> Summary:
     mean = math.fsum(values) / n
     std = math.sqrt(math.fsum((v - mean) ** 2 for v in values) / (n - 1)) if n > 1 else None
     return Summary(n, mean, std, statistics.median(values))
+
+
+def _squared_in_units_of(covariance: Array, error: Array) -> float | None:
+    """error^T covariance^-1 error; None where the covariance is none."""
+    # Metres and radians differ by orders of magnitude: only in units of each component can definiteness be told.
+    scale = np.sqrt(np.diag(covariance).clip(min=0))
+    if not (np.isfinite(covariance).all() and scale.all()):
+        return None
+    correlation = covariance / np.outer(scale, scale)
+    try:
+        root = np.linalg.cholesky(correlation)
+    except np.linalg.LinAlgError:
+        return None
+    whitened = np.linalg.solve(root, error / scale)
+    squared = float(whitened @ whitened)
+    return squared if np.isfinite(squared) and np.allclose(correlation, correlation.T, atol=1e-6) else None
 
 
 def _tilt(rotation: Rotation) -> float:

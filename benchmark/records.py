@@ -11,7 +11,7 @@ import math
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from benchmark.decode import decode
+from benchmark.decode import MAY_BE_MISSING, decode
 from vision.errors import FileFormatError, InputError
 
 SCHEMA = 1
@@ -43,6 +43,26 @@ class PoseErrors:
 
 
 @dataclass(frozen=True)
+class NormalizedError:
+    """Error of an estimated pose in units of its own covariance; see ``benchmark.metrics.normalized_error``.
+
+    Attributes:
+        squared: error^T covariance^-1 error (NEES); chi-square distributed where the covariance is right.
+        components: the degrees of freedom: 6, or 5 where the rotation about the part's axis is not known or has no
+            meaning.
+    """
+
+    squared: float
+    components: int
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.squared) and self.squared >= 0):
+            raise InputError("normalized squared error", got=self.squared, expected="a finite number >= 0")
+        if self.components not in (5, 6):
+            raise InputError("components of a pose error", got=self.components, expected="5 or 6")
+
+
+@dataclass(frozen=True)
 class ProcessResult:
     """What one localizer made of one piece.
 
@@ -50,11 +70,14 @@ class ProcessResult:
         extracted: the salient ellipse was found, as ``benchmark.metrics.EXTRACTION_IOU`` defines it.
         matched: the pose was found, as ``benchmark.metrics.MATCH_MSSD_FRACTION`` defines it.
         errors: of the pose assigned to the piece, None where there is none.
+        normalized: the same against the covariance that came with the pose; None where there is no pose, no usable
+            covariance, or the record is older than this field.
     """
 
     extracted: bool
     matched: bool
     errors: PoseErrors | None = None
+    normalized: NormalizedError | None = field(default=None, metadata=MAY_BE_MISSING)
 
     def __post_init__(self) -> None:
         if self.matched and self.errors is None:

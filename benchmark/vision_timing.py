@@ -1,7 +1,8 @@
 """How long the vision step takes on one core, stage by stage: ``python -m benchmark.vision_timing``.
 
-The pictures are those of episodes with seeds of their own. What is timed is what the dual localizer does with them,
-without the two runs of single extractors that the benchmark adds for comparison.
+The pictures are those of episodes with seeds of their own. What is timed is ``localize`` of the dual localizer,
+without the two runs of single extractors that the benchmark adds for comparison. ``--photographs DIR`` times the
+ellipse detector on the pictures of a directory, too.
 """
 
 from __future__ import annotations
@@ -9,36 +10,41 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
-from typing import TypeVar
+from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
-from rich import box
-from rich.table import Table
 
 from benchmark.commands.common import prepare_process, results_console
 from benchmark.config import EpisodeConfig, episode_seed
+from benchmark.detector.timing import detector_grid, measure_detector
 from benchmark.episode import EpisodeObserver, run_episode, workspace
 from benchmark.localizers import load_model
+from benchmark.report.grid import Grid, grids_as_markdown, part_title, print_grids
 from benchmark.report.published import PARTS
-from benchmark.report.render import part_title
+from benchmark.stage_clock import Place, StageClock
 from benchmark.world.cell import WorkCell
+from vision import extraction, localizer
 from vision.camera import View
 from vision.candidates import Workspace
-from vision.evidence import EdgeField
-from vision.localizer import EllipseLocalizer
-from vision.matching import Matcher
+from vision.errors import FocalpickError
 
 TARGET_MS = 60.0
 """The whole vision step, for each 640x480 view."""
 
-STAGES = ("undistort", "region extraction", "edge grouping", "edge field", "matching")
-TOTAL = "total"
+STAGES: dict[str, tuple[Place, ...]] = {
+    "undistort": ((View, "undistorted"),),
+    "region growing": ((extraction, "segment"), (extraction, "region_ellipses")),
+    "edge grouping": ((extraction, "group_edges"),),
+    "arcs": ((localizer, "arcs_of"),),
+    "edge fields": ((localizer.EdgeField, "from_gray"),),
+    "matching": ((localizer.Matcher, "__init__"), (localizer.Matcher, "match")),
+}
+TOTAL = "localize"
 SEED = 60_000
-T = TypeVar("T")
 Times = dict[str, list[float]]
 
 
@@ -89,32 +95,15 @@ def photograph(part: str, scene: int, views: int = 3) -> Scene:
     return Scene(part, tuple(photographer.views), photographer.workspace)
 
 
-def time_scene(scene: Scene) -> Times:
-    """Seconds per view of every stage; matching and the total are shared out evenly among the views."""
-    model = load_model(scene.part)
-    region, group, dual = (EllipseLocalizer([model], p) for p in (("region",), ("group",), ("region", "group")))
-    times: Times = {stage: [] for stage in (*STAGES, TOTAL)}
-
-    def timed(stage: str, action: Callable[[], T], views: int = 1) -> T:
+def time_scene(scene: Scene) -> dict[str, float]:
+    """Seconds per view of ``localize`` and of the stages within it."""
+    dual = localizer.EllipseLocalizer([load_model(scene.part)])
+    with StageClock(STAGES) as clock:
         start = time.perf_counter()
-        result = action()
-        times[stage].append((time.perf_counter() - start) / views)
-        return result
-
-    flat, features, arcs, fields = [], [], [], []
-    for view in scene.views:
-        flat.append(timed("undistort", view.undistorted))
-        found = timed("region extraction", lambda: region.extract(flat[-1], scene.workspace))
-        found = found + timed("edge grouping", lambda: group.extract(flat[-1], scene.workspace))
-        features.append(found)
-        # Edge grouping has them already; the localizer asks once for both.
-        arcs.append(dual.features_and_arcs(flat[-1], scene.workspace)[1])
-        fields.append(timed("edge field", lambda: EdgeField.from_gray(flat[-1].gray)))
-    parameters = replace(dual.parameters, joint_edges=True)
-    matcher = Matcher(flat, fields, model, scene.workspace, parameters)
-    timed("matching", lambda: matcher.match(features, arcs), len(scene.views))
-    times[TOTAL] = [sum(sum(times[s]) for s in STAGES[:-1]) / len(scene.views) + times["matching"][0]]
-    return times
+        dual.localize(scene.views, scene.workspace)
+        total = time.perf_counter() - start
+    times = {stage: clock.seconds(stage) for stage in STAGES} | {TOTAL: total}
+    return {stage: seconds / len(scene.views) for stage, seconds in times.items()}
 
 
 def measure(part: str, scenes: int, views: int) -> Times:
@@ -122,22 +111,23 @@ def measure(part: str, scenes: int, views: int) -> Times:
     cv2.setNumThreads(1)
     time_scene(photograph(part, scenes, views))
     measured = [time_scene(photograph(part, number, views)) for number in range(scenes)]
-    return {stage: [seconds for times in measured for seconds in times[stage]] for stage in (*STAGES, TOTAL)}
+    return {stage: [times[stage] for times in measured] for stage in (*STAGES, TOTAL)}
 
 
-def timing_table(times: dict[str, Times], target_ms: float = TARGET_MS) -> Table:
-    """Median and 90th percentile in milliseconds per view, for every part and stage."""
-    title = "Vision step on one core, ms per 640x480 view: median (90th percentile)"
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("Object", no_wrap=True)
-    for stage in (*STAGES, TOTAL):
-        table.add_column(stage, justify="right", no_wrap=True)
-    table.add_column("target", justify="right", style="dim")
+def timing_grid(times: dict[str, Times], target_ms: float = TARGET_MS) -> Grid:
+    """Median and 90th percentile over the scenes, in milliseconds per view, for every part and stage."""
+    rows = []
     for part, by_stage in times.items():
-        cells = [_cell(by_stage[stage]) for stage in (*STAGES, TOTAL)]
         is_met = 1000 * np.median(by_stage[TOTAL]) <= target_ms
-        table.add_row(part_title(part), *cells, f"{target_ms:.0f}, {'met' if is_met else 'missed'}")
-    return table
+        cells = [_cell(by_stage[stage]) for stage in (*STAGES, TOTAL)]
+        rows.append((part_title(part), *cells, f"{target_ms:.0f}, {'met' if is_met else 'missed'}"))
+    return Grid(
+        title="Vision step on one core, ms per 640x480 view: median (90th percentile) over scenes",
+        columns=("Object", *STAGES, TOTAL, "target"),
+        rows=tuple(rows),
+        quiet=frozenset({"target"}),
+        note="localize is timed as a whole; what the stages leave over is spent between them.",
+    )
 
 
 def _cell(seconds: Sequence[float]) -> str:
@@ -151,13 +141,29 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=4, help="scenes of each part")
     parser.add_argument("--parts", default=",".join(PARTS), help="names, separated by commas")
     parser.add_argument("--views", type=int, default=3, choices=(2, 3), help="pictures of each scene")
+    parser.add_argument("--photographs", type=Path, metavar="DIR", help="time the ellipse detector on these, too")
+    parser.add_argument("--format", default="text", choices=("text", "md"), help="md for Markdown")
     arguments = parser.parse_args()
     prepare_process()
+    try:
+        shown = _measured(arguments)
+    except FocalpickError as error:
+        raise SystemExit(str(error)) from None
+    if arguments.format == "md":
+        print(grids_as_markdown(shown, ()), end="")
+    else:
+        print_grids(shown, (), results_console())
+
+
+def _measured(arguments: argparse.Namespace) -> list[Grid]:
     # A new process, because numerical libraries settle how many threads they use when they are loaded.
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         parts = arguments.parts.split(",")
         times = {part: pool.submit(measure, part, arguments.scenes, arguments.views).result() for part in parts}
-    results_console().print(timing_table(times))
+        shown = [timing_grid(times)]
+        if arguments.photographs is not None:
+            shown.append(detector_grid(pool.submit(measure_detector, arguments.photographs).result()))
+    return shown
 
 
 if __name__ == "__main__":

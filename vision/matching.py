@@ -219,6 +219,7 @@ class Matcher:
             self.views,
             iterations=len(reach),
             inplane=inplane,
+            calibration=self.parameters.calibration,
         )
 
     def _refined_on_ellipses(self, T: Array, matches: NDArray[np.intp], features: Features) -> Refinement | None:
@@ -230,4 +231,5 @@ class Matcher:
             self.views,
             iterations=4,
             inplane=False,
+            calibration=self.parameters.calibration,
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from vision.calibration_error import EXACT, CalibrationError
 from vision.errors import InputError
 from vision.parameter_checks import NOT_NEGATIVE, POSITIVE, SHARE, Allowed, check, count
 
@@ -24,6 +25,7 @@ class MatchingParameters:
         depth_shares: relative changes of the distance that are tried for a candidate.
         far_depth_shares: the same for a pose that only one view supports.
         leash: how far a refinement may move a pose before it has run away, in part diameters.
+        calibration: how unsure the calibration of the views is; it widens the covariances and moves no pose.
         joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points.
     """
 
@@ -38,6 +40,7 @@ class MatchingParameters:
     depth_shares: tuple[float, ...] = (0.0, -0.02, -0.015, -0.01, -0.005, 0.005, 0.01, 0.015, 0.02)
     far_depth_shares: tuple[float, ...] = tuple(0.0025 * step for step in range(-16, 17))
     leash: float = 0.05
+    calibration: CalibrationError = EXACT
     joint_edges: bool = True
 
     def __post_init__(self) -> None:

@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from vision.calibration_error import EXACT, CalibrationError
 from vision.camera import View, camera_arrays
 from vision.feature_support import FeatureSupport
 from vision.visibility import moved, rotated
@@ -23,6 +24,7 @@ RIM_SHIFT_SIGMA_PX = 0.075  # of one rim or hole in one picture
 LIFT_SIGMA_PX = 0.035  # of the taught height of one rim
 TWIST_SIGMA_PX = 0.025  # of all holes of one picture about the part's axis
 COMMON_SIGMA_PX = 0.04  # of all edges of all pictures together
+LEAST_CURVATURE = 0.3  # of the cost, over that of the normal matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,7 @@ def refine_pose(
     iterations: int,
     inplane: bool,
     robust_scale: float = 3.0,
+    calibration: CalibrationError = EXACT,
 ) -> Refinement | None:
     """Gauss-Newton on the distances of edge points along the contour normals, with Tukey's weights.
 
@@ -103,6 +106,7 @@ def refine_pose(
         iterations: number of steps.
         inplane: False holds the rotation about the part's z axis, which coaxial circles cannot tell.
         robust_scale: residual, in robust standard deviations, beyond which an edge point is ignored.
+        calibration: how unsure the views' poses and lens are, which the covariance then includes.
 
     Returns:
         None when too few edge points are left.
@@ -125,7 +129,8 @@ def refine_pose(
         N += 1e-9 * np.diag(np.diag(N))
         step = np.asarray(np.linalg.solve(N, J.T @ (weights * residuals)), dtype=np.float64)
         T = _moved(T, step)
-    return _outcome(T, N, J, residuals, weights, seen, inplane, cameras)
+    unsure = calibration.pose_covariance(T, seen, J, weights, N, views)
+    return _outcome(T, N, J, residuals, weights, seen, inplane, cameras, unsure)
 
 
 def _linearise(T: Array, seen: Observations, cameras: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -171,19 +176,32 @@ def _outcome(
     seen: Observations,
     inplane: bool,
     cameras: tuple[Array, Array],
+    unsure: Array,
 ) -> Refinement:
     kept = max(float(weights.sum()), 1.0)
     # The sandwich of an M-estimator: Tukey's psi is w r, its derivative sqrt(w) (5 sqrt(w) - 4).
     slope = np.sqrt(weights) * (5 * np.sqrt(weights) - 4)
-    inverse = np.linalg.inv(J.T @ (slope[:, None] * J) + (N - J.T @ (weights[:, None] * J)))
+    inverse = _inverse_curvature(J.T @ ((slope - weights)[:, None] * J), N)
     psi = weights * residuals
     spread = (J * (psi**2)[:, None]).T @ J + _systematic(J, weights, seen, T[:3, 2])
-    covariance = inverse @ spread @ inverse + _common_shift(T, cameras)
+    covariance = inverse @ spread @ inverse + _common_shift(T, cameras) + unsure
     if not inplane:
         axis = np.concatenate([np.zeros(3), T[:3, 2]])
         covariance = covariance + np.pi**2 / 3 * np.outer(axis, axis)  # uniform over the circle
     rms = float(np.sqrt(weights @ (residuals * seen.sigma_px) ** 2 / kept))
     return Refinement(T, covariance, residuals, weights, rms)
+
+
+def _inverse_curvature(change: Array, N: Array) -> Array:
+    """Inverse of N + change (6, 6), no direction of which is let fall below a share of the normal matrix N.
+
+    Where many edges are half rejected the curvature of the robust cost comes out near zero or negative, which tells
+    nothing of how well they hold the pose.
+    """
+    root = np.linalg.inv(np.linalg.cholesky(N))
+    shares, directions = np.linalg.eigh(np.eye(6) + root @ change @ root.T)
+    back = root.T @ directions
+    return np.asarray(back / np.maximum(shares, LEAST_CURVATURE) @ back.T)
 
 
 def _systematic(J: Array, weights: Array, seen: Observations, axis: Array) -> Array:

@@ -6,7 +6,7 @@ from rich import box
 from rich.table import Table
 
 from benchmark.records import EpisodeRecord, PieceRecord, ProcessResult
-from benchmark.report.render import NOTHING
+from benchmark.report.grid import NOTHING
 
 
 def outcome_table(record: EpisodeRecord) -> Table:

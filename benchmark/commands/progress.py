@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from benchmark.records import STAGES, EpisodeRecord
-from benchmark.report.render import NOTHING
+from benchmark.report.grid import NOTHING
 
 
 class Pace:

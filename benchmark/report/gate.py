@@ -8,6 +8,8 @@ part, ``[picks.PART]`` the picks, ``[episodes]`` what may go wrong altogether::
     [dual.hub]
     matching_rate_low = 0.6         # lower bound of the 95 % interval, at least
     translation_mm_mean = 1.0       # at most
+    coverage_min = 0.9              # share of true poses inside the 95 % ellipsoid, at least
+    coverage_max = 0.99             # and at most
 
     [picks.hub]
     rate_low = 0.5
@@ -27,7 +29,8 @@ from vision.errors import FileFormatError, InputError
 
 RATE_KEYS = tuple(f"{stage}_rate_low" for stage in STAGES)
 ERROR_KEYS = tuple(f"{quantity}_mean" for quantity in QUANTITIES)
-METHOD_KEYS = (*RATE_KEYS, *ERROR_KEYS)
+COVERAGE_KEYS = ("coverage_min", "coverage_max")
+METHOD_KEYS = (*RATE_KEYS, *ERROR_KEYS, *COVERAGE_KEYS)
 PICK_KEYS = ("rate_low",)
 EPISODE_KEYS = ("failed", "missing")
 
@@ -49,7 +52,7 @@ class Limit:
     @property
     def is_floor(self) -> bool:
         """Whether the value is a least one (rates) and not a greatest one (errors, counts)."""
-        return self.key.endswith("_low")
+        return self.key.endswith(("_low", "_min"))
 
 
 @dataclass(frozen=True)
@@ -198,5 +201,7 @@ def _measure(limit: Limit, table: Table, min_visibility: float) -> tuple[float |
         rate = table.find_success(limit.part, limit.section, stage, min_visibility).rate
         return rate.low, rate.n
     row = table.find_accuracy(limit.part, limit.section, min_visibility)
+    if limit.key in COVERAGE_KEYS:
+        return row.coverage.rate, row.coverage.n
     summary = row.errors[limit.key.removesuffix("_mean")]
     return summary.mean, summary.n

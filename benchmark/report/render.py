@@ -1,23 +1,26 @@
-"""A ``Table`` for people: on the terminal and as Markdown, from one description of the columns."""
+"""A ``Table`` for people: on the terminal and as Markdown."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
-from rich import box
-from rich.console import Console, RenderableType
-from rich.table import Table as RichTable
-from rich.text import Text
+from rich.console import Console
 
-from benchmark.metrics import BARELY_VISIBLE
-from benchmark.report.margins import Margin
-from benchmark.report.published import TITLES, PublishedErrors
-from benchmark.report.tables import STAGES, AccuracyRow, Rate, Summary, Table
+from benchmark.metrics import BARELY_VISIBLE, ELLIPSOID_SHARE
+from benchmark.report.extractors_render import made_good_grids, margin_grids
+from benchmark.report.grid import (
+    NOTHING,
+    Grid,
+    grids_as_markdown,
+    last_of_each,
+    part_title,
+    plus_minus,
+    print_grids,
+    rate_text,
+)
+from benchmark.report.published import PublishedErrors
+from benchmark.report.tables import STAGES, AccuracyRow, Table
 
-NOTHING = "–"
 PROCESS_TITLES = {"region": "Region-match", "group": "Group-match"}
 METHOD_TITLES = {"region": "previous (region growing)", "group": "edge grouping alone", "dual": "dual"}
 STAGE_TITLES = {
@@ -26,30 +29,10 @@ STAGE_TITLES = {
 }
 
 
-@dataclass(frozen=True)
-class Grid:
-    """A titled table of strings.
-
-    Attributes:
-        title: stands above it.
-        columns: the headings; a heading in ``quiet`` is secondary.
-        rows: one string per column.
-        sections: indices of rows that a rule follows.
-        quiet: headings of the columns with other people's figures.
-        note: stands below it.
-    """
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    sections: frozenset[int] = frozenset()
-    quiet: frozenset[str] = frozenset()
-    note: str = ""
-
-
 def grids(table: Table) -> list[Grid]:
-    """The grids that are shown: Table 1, Fig. 10 (a) and (b), the margin, picks, and what was counted apart."""
-    shown = [_table1(table), *_joint(table), *(_fig10(table, stage) for stage in STAGES), *_margins(table)]
+    """The grids that are shown, first what the paper gives, last what was counted apart."""
+    shown = [_table1(table), *_joint(table), coverage_grid(table), *(_fig10(table, stage) for stage in STAGES)]
+    shown += [*margin_grids(table.margins), *made_good_grids(table.made_good)]
     if any(rate.n for rate in table.picks.values()):
         shown.append(_picks(table))
     return [*shown, _counts(table)]
@@ -63,19 +46,6 @@ def print_table(table: Table, console: Console) -> None:
 def as_markdown(table: Table) -> str:
     """Everything as GitHub-flavoured Markdown."""
     return grids_as_markdown(grids(table), remarks([table]))
-
-
-def print_grids(shown: Sequence[Grid], lines: Sequence[str], console: Console) -> None:
-    """Print grids, and below them lines that a reader should not miss."""
-    for grid in shown:
-        console.print(_rich(grid))
-    for line in lines:
-        console.print(Text(line, style="yellow"))
-
-
-def grids_as_markdown(shown: Sequence[Grid], lines: Sequence[str]) -> str:
-    """The same as ``print_grids`` for GitHub."""
-    return "\n\n".join([*map(_markdown, shown), *lines]) + "\n"
 
 
 def remarks(tables: Sequence[Table]) -> list[str]:
@@ -143,6 +113,20 @@ def _joint(table: Table) -> list[Grid]:
     ]
 
 
+def coverage_grid(table: Table) -> Grid:
+    """How far the covariances that come with the poses can be believed."""
+    rows = []
+    for part in table.parts:
+        rates = [table.find_accuracy(part, method, BARELY_VISIBLE).coverage for method in table.methods]
+        rows.append((part_title(part), str(max(rate.n for rate in rates)), *map(rate_text, rates)))
+    return Grid(
+        title=f"Inside the {ELLIPSOID_SHARE:.0%} ellipsoid: share of true poses that the covariance allows for",
+        columns=("Object", "n", *(METHOD_TITLES.get(m, m) for m in table.methods)),
+        rows=tuple(rows),
+        note=f"Matched pieces at least {BARELY_VISIBLE:.0%} visible. In brackets: 95 % Wilson interval.",
+    )
+
+
 def _accuracy_cells(row: AccuracyRow, rows: Sequence[AccuracyRow], i: int) -> tuple[str, ...]:
     first = i == 0 or rows[i - 1].part != row.part
     return (
@@ -183,49 +167,6 @@ def _fig10(table: Table, stage: str) -> Grid:
     )
 
 
-def _margins(table: Table) -> list[Grid]:
-    """The paper's claim in figures; nothing where the two localizers did not both run."""
-    levels = [f"≥ {margin.min_visibility:.0%}" for margin in table.margins]
-    rows = tuple(
-        (
-            level if i == 0 or levels[i - 1] != level else "",
-            part_title(margin.part),
-            str(margin.n),
-            str(margin.scenes),
-            str(margin.method_only),
-            str(margin.rival_only),
-            *_margin_cells(margin),
-        )
-        for i, (level, margin) in enumerate(zip(levels, table.margins, strict=True))
-    )
-    if not any(margin.n for margin in table.margins):
-        return []
-    columns = ("Visible", "Object", "n", "Scenes", "only dual", "only previous", "dual − previous", "Excludes zero")
-    note = (
-        "Of the same pieces, in percentage points. In brackets: Newcombe's 95 % interval for paired proportions,\n"
-        "with as many pieces as they are worth, those of one scene being alike (design effect, Rao and Scott)."
-    )
-    return [
-        Grid(
-            "What both extractors together match more than region growing alone",
-            columns,
-            rows,
-            sections=last_of_each(levels),
-            note=note,
-        )
-    ]
-
-
-def _margin_cells(margin: Margin) -> tuple[str, str]:
-    """The margin in percentage points with its interval, and what the interval says about zero."""
-    if margin.margin is None:
-        return NOTHING, NOTHING
-    if margin.low is None or margin.high is None:
-        return f"{100 * margin.margin:+.1f}", NOTHING
-    text = f"{100 * margin.margin:+.1f} ({100 * margin.low:+.1f} to {100 * margin.high:+.1f})"
-    return text, "yes" if margin.excludes_zero else "no"
-
-
 def _picks(table: Table) -> Grid:
     rows = tuple((part_title(part), str(rate.n), rate_text(rate)) for part, rate in table.picks.items())
     return Grid("Picks of localised pieces", ("Object", "n", "Succeeded"), rows)
@@ -248,63 +189,11 @@ def _counts(table: Table) -> Grid:
     return Grid("Pieces, and those counted apart", columns, tuple(rows))
 
 
-def part_title(part: str) -> str:
-    """The paper's name for a part, or its own."""
-    return TITLES.get(part, part)
-
-
-def plus_minus(summary: Summary, digits: int) -> str:
-    """Mean and standard deviation as in the paper's Table 1."""
-    if summary.mean is None:
-        return NOTHING
-    spread = NOTHING if summary.std is None else f"{summary.std:.{digits}f}"
-    return f"{summary.mean:.{digits}f} ± {spread}"
-
-
 def _published(row: PublishedErrors | None, quantity: str) -> str:
     if row is None:
         return NOTHING
     return f"{getattr(row, f'{quantity}_mean'):.1f} ± {getattr(row, f'{quantity}_std'):.1f}"
 
 
-def rate_text(rate: Rate) -> str:
-    """A rate with its interval in brackets."""
-    if rate.rate is None or rate.low is None or rate.high is None:
-        return NOTHING
-    return f"{rate.rate:4.0%} ({rate.low:.0%} to {rate.high:.0%})"
-
-
 def _tally(counts: dict[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items() if count) or NOTHING
-
-
-def last_of_each(labels: Sequence[str]) -> frozenset[int]:
-    """Indices at which a run of equal labels ends, but not the last of all."""
-    return frozenset(i for i, (a, b) in enumerate(itertools.pairwise(labels)) if a != b)
-
-
-def _rich(grid: Grid) -> RenderableType:
-    rich = RichTable(
-        title=Text(grid.title, style="bold"),
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        caption=Text(grid.note, style="dim") if grid.note else None,
-        caption_justify="left",
-        header_style="bold",
-        pad_edge=False,
-        padding=(0, 1, 0, 0),
-    )
-    for i, column in enumerate(grid.columns):
-        words = all(not row[i][:1].isdigit() and row[i] != NOTHING for row in grid.rows)
-        style = "dim" if column in grid.quiet else ""
-        justify: Literal["left", "right"] = "left" if words else "right"
-        rich.add_column(column.strip(), justify=justify, style=style, header_style=style or "bold", no_wrap=words)
-    for i, row in enumerate(grid.rows):
-        rich.add_row(*row, end_section=i in grid.sections)
-    return rich
-
-
-def _markdown(grid: Grid) -> str:
-    rows = [tuple(column.strip() for column in grid.columns), ("---",) * len(grid.columns), *grid.rows]
-    lines = [f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in rows]
-    return "\n".join([f"**{grid.title}**", "", *lines, *(["", grid.note] if grid.note else [])])

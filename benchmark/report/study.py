@@ -11,7 +11,8 @@ from benchmark.config import SweepConfig, episodes
 from benchmark.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary
 from benchmark.records import EpisodeRecord
 from benchmark.report.published import TABLE_1, PublishedErrors
-from benchmark.report.tables import METHODS, PROCESSES, Rate, Table, build_table
+from benchmark.report.rate import Rate
+from benchmark.report.tables import METHODS, PROCESSES, Table, build_table
 from benchmark.taught_circles import CircleErrors
 from benchmark.variant import Variant
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmark.metrics import Summary, summarise
 from benchmark.report.figures import STYLE, write_figures
-from benchmark.report.render import part_title
+from benchmark.report.grid import part_title
 from benchmark.report.study import CurvePoint, Study
 
 if TYPE_CHECKING:

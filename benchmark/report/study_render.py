@@ -7,10 +7,8 @@ from collections.abc import Callable
 from rich.console import Console
 
 from benchmark.metrics import BARELY_VISIBLE, HALF_VISIBLE
-from benchmark.report.render import (
-    METHOD_TITLES,
+from benchmark.report.grid import (
     NOTHING,
-    PROCESS_TITLES,
     Grid,
     grids_as_markdown,
     last_of_each,
@@ -18,8 +16,8 @@ from benchmark.report.render import (
     plus_minus,
     print_grids,
     rate_text,
-    remarks,
 )
+from benchmark.report.render import METHOD_TITLES, PROCESS_TITLES, remarks
 from benchmark.report.study import CalibrationLimit, Crossing, CurvePoint, Study
 from benchmark.variant import Variant
 

@@ -11,10 +11,18 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 from benchmark.config import SweepConfig, episodes
-from benchmark.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary, summarise, wilson_interval
+from benchmark.metrics import (
+    BARELY_VISIBLE,
+    HALF_VISIBLE,
+    Summary,
+    is_inside_ellipsoid,
+    summarise,
+)
 from benchmark.records import EpisodeRecord, PieceRecord, PoseErrors
+from benchmark.report.made_good import MadeGood, made_good
 from benchmark.report.margins import Margin, paired_margin
 from benchmark.report.published import FIGURE_10, TABLE_1, PublishedErrors, paper_order
+from benchmark.report.rate import Rate
 
 PROCESSES = ("region", "group")
 METHODS = ("region", "group", "dual")
@@ -33,6 +41,8 @@ class AccuracyRow:
         method: the localizer; ``region`` and ``group`` are the paper's region-match and group-match.
         min_visibility: pieces less visible are left out.
         errors: one summary for each of ``QUANTITIES``; its n is less where a quantity is undefined for the part.
+        coverage: the share of true poses inside the 95 % ellipsoids of the poses' covariances; its n is less where
+            a covariance is not known, as in records of older versions.
         published: the paper's row, where it has one.
     """
 
@@ -40,31 +50,13 @@ class AccuracyRow:
     method: str
     min_visibility: float
     errors: dict[str, Summary]
+    coverage: Rate
     published: PublishedErrors | None
 
     @property
     def n(self) -> int:
         """Number of matched pieces."""
         return self.errors["translation_mm"].n
-
-
-@dataclass(frozen=True)
-class Rate:
-    """A success rate with its 95 % Wilson interval; None throughout for an empty sample."""
-
-    n: int
-    successes: int
-    rate: float | None
-    low: float | None
-    high: float | None
-
-    @classmethod
-    def of(cls, outcomes: Sequence[bool]) -> Rate:
-        """From the single outcomes."""
-        n, successes = len(outcomes), sum(outcomes)
-        if n == 0:
-            return cls(0, 0, None, None, None)
-        return cls(n, successes, successes / n, *wilson_interval(successes, n))
 
 
 @dataclass(frozen=True)
@@ -121,6 +113,7 @@ class Table:
         accuracy: for each part, method and visibility level.
         success: for each part, method, stage and visibility level.
         margins: of dual over region growing alone in matching, for each part and visibility level.
+        made_good: what dual matched of what one extractor lost, for each part and visibility level.
         picks: success rate of attempted picks by part.
         counts: by part.
     """
@@ -132,6 +125,7 @@ class Table:
     accuracy: tuple[AccuracyRow, ...]
     success: tuple[SuccessRow, ...]
     margins: tuple[Margin, ...]
+    made_good: tuple[MadeGood, ...]
     picks: dict[str, Rate]
     counts: tuple[PartCount, ...]
 
@@ -192,6 +186,7 @@ def build_table(config: SweepConfig, records: Sequence[EpisodeRecord], levels: S
         accuracy=tuple(_accuracy(pieces, *cell) for cell in cells),
         success=tuple(_success(pieces, *cell, stage) for stage in STAGES for cell in cells),
         margins=tuple(paired_margin(finished, part, COMPARED, level) for level in levels for part in parts),
+        made_good=tuple(made_good(finished, part, level) for level in levels for part in parts),
         picks={part: _picks(finished, part) for part in parts},
         counts=tuple(_count(finished, part) for part in parts),
     )
@@ -203,6 +198,7 @@ def to_dict(table: Table) -> dict[str, object]:
         "table1": [{"process": row.method, **_flat(row)} for row in table.table1],
         "fig10": [_flat_success(row) for row in table.success],
         "margins": [{**asdict(margin), "excludes_zero": margin.excludes_zero} for margin in table.margins],
+        "made_good": [asdict(row) for row in table.made_good],
         "picks": [{"part": part, **asdict(rate)} for part, rate in table.picks.items()],
         "accuracy": [_flat(row) for row in table.accuracy],
         "counts": [asdict(count) for count in table.counts],
@@ -212,13 +208,15 @@ def to_dict(table: Table) -> dict[str, object]:
 
 
 def _accuracy(pieces: Sequence[PieceRecord], part: str, method: str, min_visibility: float) -> AccuracyRow:
-    errors = [
-        result.errors
+    matched = [
+        result
         for piece in _counted(pieces, part, min_visibility)
-        if (result := piece.results.get(method)) is not None and result.matched and result.errors is not None
+        if (result := piece.results.get(method)) is not None and result.matched
     ]
+    errors = [result.errors for result in matched if result.errors is not None]
     summaries = {quantity: summarise(_values(errors, quantity)) for quantity in QUANTITIES}
-    return AccuracyRow(part, method, min_visibility, summaries, TABLE_1.get((part, method)))
+    coverage = Rate.of([is_inside_ellipsoid(r.normalized) for r in matched if r.normalized is not None])
+    return AccuracyRow(part, method, min_visibility, summaries, coverage, TABLE_1.get((part, method)))
 
 
 def _values(errors: Sequence[PoseErrors], quantity: str) -> list[float]:
@@ -273,7 +271,8 @@ def _flat(row: AccuracyRow) -> dict[str, object]:
         for name in ("mean", "std", "median")
     }
     fields = {"part": row.part, "method": row.method, "min_visibility": row.min_visibility, "n": row.n}
-    return {**fields, **statistics, "published": asdict(row.published) if row.published else None}
+    published = asdict(row.published) if row.published else None
+    return {**fields, **statistics, "coverage": asdict(row.coverage), "published": published}
 
 
 def _flat_success(row: SuccessRow) -> dict[str, object]:

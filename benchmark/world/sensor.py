@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from vision.calibration_error import CalibrationError
 from vision.camera import Camera
 from vision.errors import InputError
 
@@ -113,6 +114,16 @@ def with_hand_eye_error(config: SensorConfig, translation_m: float) -> SensorCon
     pair = SENSORS["shopfloor"]
     rotation_rad = pair.hand_eye_rotation_rad / pair.hand_eye_translation_m * translation_m
     return replace(config, hand_eye_translation_m=translation_m, hand_eye_rotation_rad=rotation_rad)
+
+
+def calibration_error(config: SensorConfig) -> CalibrationError:
+    """What whoever calibrated the cell would know of the calibration: how large its errors are, not what they are."""
+    return CalibrationError(
+        hand_eye_translation_m=config.hand_eye_translation_m,
+        hand_eye_rotation_rad=config.hand_eye_rotation_rad,
+        arm_translation_m=config.repeatability_m,
+        lens_px=config.distortion_px,
+    )
 
 
 @dataclass(frozen=True)

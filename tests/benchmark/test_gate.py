@@ -6,13 +6,14 @@ from pathlib import Path
 import pytest
 
 from benchmark.config import SweepConfig
-from benchmark.records import EpisodeRecord, PickRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.records import EpisodeRecord, NormalizedError, PickRecord, PieceRecord, PoseErrors, ProcessResult
 from benchmark.report.gate import Verdict, check, read_thresholds
 from benchmark.report.tables import build_table
 from vision.errors import FileFormatError, InputError
 
 CONFIG = SweepConfig(parts=("hub",), scenes=1)
-RESULT = {"dual": ProcessResult(True, True, PoseErrors(0.8, 1.0, None, 1.0, 2.0))}
+ERRORS = PoseErrors(0.8, 1.0, None, 1.0, 2.0)
+RESULTS = [{"dual": ProcessResult(True, True, ERRORS, NormalizedError(e, 5))} for e in (1.0, 3.0, 5.0, 40.0)]
 EPISODE = CONFIG.episode("hub", 0)
 RECORD = EpisodeRecord(
     key=EPISODE.key,
@@ -20,9 +21,9 @@ RECORD = EpisodeRecord(
     scene=0,
     seed=EPISODE.seed,
     config_hash=EPISODE.config_hash,
-    pieces=tuple(PieceRecord(i, "hub", 0.9, True, RESULT) for i in range(4)),
+    pieces=tuple(PieceRecord(i, "hub", 0.9, True, result) for i, result in enumerate(RESULTS)),
     picks=(PickRecord(True, 0, True),),
-)  # four of four matched: the lower bound is 51 %
+)  # four of four matched: the lower bound is 51 %; three of four inside their ellipsoid
 
 
 def judge(tmp_path: Path, text: str, *records: EpisodeRecord) -> dict[str, Verdict]:
@@ -40,6 +41,8 @@ def judge(tmp_path: Path, text: str, *records: EpisodeRecord) -> dict[str, Verdi
         ("dual.hub", "extraction_rate_low", 0.5, 0.52),
         ("dual.hub", "translation_mm_mean", 0.81, 0.79),
         ("dual.hub", "tilt_deg_mean", 1.0, 0.9),
+        ("dual.hub", "coverage_min", 0.75, 0.76),
+        ("dual.hub", "coverage_max", 0.75, 0.74),
         ("picks.hub", "rate_low", 0.2, 0.21),
     ],
 )
@@ -59,6 +62,12 @@ def test_an_empty_sample_misses_every_threshold(tmp_path: Path, section: str) ->
     for key in ("matching_rate_low", "translation_mm_mean"):
         assert not verdicts[f"{section}.{key}"].passed
         assert "nothing measured" in str(verdicts[f"{section}.{key}"])
+
+
+def test_records_without_covariances_miss_a_coverage(tmp_path: Path) -> None:
+    old = tuple(replace(piece, results={"dual": ProcessResult(True, True, ERRORS)}) for piece in RECORD.pieces)
+    verdict = judge(tmp_path, "[dual.hub]\ncoverage_max = 1.0", replace(RECORD, pieces=old))["dual.hub.coverage_max"]
+    assert (verdict.passed, verdict.value, verdict.n) == (False, None, 0)
 
 
 def test_a_visibility_of_its_own(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from scipy.spatial.transform import RigidTransform
 import benchmark.localizers
 from benchmark.config import EpisodeConfig
 from benchmark.localizers import load_model, make_localizer, with_answers_alone
+from vision.calibration_error import CalibrationError
 from vision.errors import InputError
 from vision.localizer import EllipseLocalizer, Localization
 
@@ -62,6 +63,14 @@ def test_the_papers_localizers_go_by_their_names(name, processes):
     assert localizer.name == name
     assert localizer.processes == processes
     assert localizer.models == tuple(models)
+
+
+@pytest.mark.parametrize("name", ["dual", "region", "group"])
+def test_the_papers_localizers_are_told_how_good_the_calibration_is(name):
+    models = [load_model("hub")]
+    told = CalibrationError(hand_eye_translation_m=1e-3)
+    assert make_localizer(name, models, no_truth, told).parameters.calibration == told
+    assert make_localizer(name, models, no_truth).parameters == EllipseLocalizer(models).parameters
 
 
 def test_oracle_knows_the_truth_and_asks_for_it_late():

@@ -8,14 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
-from scipy.stats import binomtest
+from scipy.stats import binomtest, chi2, kstest
 
 from benchmark.metrics import (
     assign,
     hull_points,
     is_extracted,
+    is_inside_ellipsoid,
     match_limit_mm,
     mssd_mm,
+    normalized_error,
     pose_errors,
     summarise,
     wilson_interval,
@@ -189,3 +191,80 @@ def test_summary() -> None:
 def test_summary_does_not_depend_on_the_order(values: list[float], seed: int) -> None:
     shuffled = [float(v) for v in np.random.default_rng(seed).permutation(values)]
     assert summarise(values) == summarise(shuffled)
+
+
+# A covariance as poses have it: metres and radians, correlated, the axes of the ellipsoid askew.
+_AXES = Rotation.random(random_state=np.random.default_rng(5)).as_matrix()
+_ROOT = np.block([[2e-4 * _AXES, np.zeros((3, 3))], [0.004 * np.eye(3), _AXES @ np.diag([0.002, 0.01, 0.005])]])
+COVARIANCE = _ROOT @ _ROOT.T
+
+
+def drawn(symmetry: Fold, claimed: np.ndarray = COVARIANCE, inplane_known: bool = True, unknown_turn: bool = False):
+    """Normalized errors of estimates that are drawn around true poses and claim a covariance."""
+    rng = np.random.default_rng(8)
+    out = []
+    for i in range(2000):
+        truth, error = pose(i), _ROOT @ rng.normal(size=6)
+        turned = Rotation.from_rotvec(error[3:]) * truth.rotation
+        if unknown_turn:
+            turned = turned * Rotation.from_euler("z", rng.uniform(-np.pi, np.pi))
+        elif symmetry.fold is not None:
+            turned = turned * Rotation.from_euler("z", 2 * np.pi * rng.integers(symmetry.fold) / symmetry.fold)
+        estimate = RigidTransform.from_components(truth.translation + error[:3], turned)
+        out.append(normalized_error(estimate, claimed, truth, symmetry, inplane_known=inplane_known))
+    return out
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "inplane_known", "unknown_turn", "components"),
+    [
+        (NONE, True, False, 6),
+        (FIVE, True, False, 6),
+        (FIVE, False, True, 5),
+        (CONTINUOUS, True, True, 5),
+    ],
+)
+def test_errors_drawn_from_the_claimed_covariance_are_chi_square(symmetry, inplane_known, unknown_turn, components):
+    errors = drawn(symmetry, inplane_known=inplane_known, unknown_turn=unknown_turn)
+    assert {e.components for e in errors} == {components}
+    squared = [e.squared for e in errors]
+    assert kstest(squared, chi2(components).cdf).pvalue > 0.01
+    assert 0.94 < np.mean([is_inside_ellipsoid(e) for e in errors]) < 0.96
+
+
+@pytest.mark.parametrize("claimed", [0.5, 0.8, 1.5])
+def test_a_wrong_covariance_is_found_out(claimed: float) -> None:
+    """Standard deviations that are wrong by such a factor leave the range of 90 to 99 %, as far as they must."""
+    errors = drawn(NONE, COVARIANCE * claimed**2)
+    inside = np.mean([is_inside_ellipsoid(e) for e in errors])
+    assert not 0.9 <= inside <= 0.99
+    assert inside == pytest.approx(chi2(6).cdf(chi2(6).ppf(0.95) * claimed**2), abs=0.03)
+
+
+def test_the_normalized_error_is_in_the_frame_of_the_covariance() -> None:
+    """Translation first, then the rotation, about the axes of the world and not about those of the part."""
+    truth = RigidTransform.from_components([1.0, 2.0, 3.0], Rotation.from_euler("y", 90, degrees=True))
+    about_x = RigidTransform.from_components([1.0, 2.0, 3.0], Rotation.from_euler("x", 0.01) * truth.rotation)
+    along_z = RigidTransform.from_components([1.0, 2.0, 3.002], truth.rotation)
+    covariance = np.diag([1.0, 1.0, 0.001, 0.005, 1.0, 1.0]) ** 2
+    assert normalized_error(about_x, covariance, truth, NONE).squared == pytest.approx(4)
+    assert normalized_error(along_z, covariance, truth, NONE).squared == pytest.approx(4)
+    # Turned by that angle about its own axis, which is the world's x: nothing to see where that is not known.
+    assert normalized_error(about_x, covariance, truth, CONTINUOUS).squared == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "covariance",
+    [
+        np.zeros((6, 6)),
+        -np.eye(6),
+        np.full((6, 6), np.nan),
+        np.eye(3),
+        np.eye(6) + 2 * (np.eye(6, k=3) + np.eye(6, k=-3)),
+        np.eye(6) + np.eye(6, k=1) / 10,
+    ],
+)
+def test_what_is_no_covariance_judges_nothing(covariance: np.ndarray) -> None:
+    truth = pose(1)
+    error = normalized_error(truth, covariance, truth, NONE)
+    assert error is None

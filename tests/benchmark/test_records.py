@@ -17,6 +17,7 @@ from benchmark.config import SweepConfig
 from benchmark.environment import environment_stamp
 from benchmark.records import (
     EpisodeRecord,
+    NormalizedError,
     PickRecord,
     PieceRecord,
     PoseErrors,
@@ -47,7 +48,11 @@ texts = st.none() | st.text(max_size=8)
 lengths = st.floats(0, 1e6)
 errors = st.builds(PoseErrors, lengths, lengths, st.none() | lengths, lengths, lengths)
 results = st.builds(ProcessResult, st.booleans(), st.just(False)) | st.builds(
-    ProcessResult, st.booleans(), st.booleans(), errors
+    ProcessResult,
+    st.booleans(),
+    st.booleans(),
+    errors,
+    st.none() | st.builds(NormalizedError, lengths, st.sampled_from([5, 6])),
 )
 pieces = st.builds(
     PieceRecord, st.integers(0, 9), st.text(max_size=5), st.floats(0, 1), st.booleans(), st.just({}), texts
@@ -105,6 +110,12 @@ def test_a_bad_field_is_named_with_its_line(path: tuple[str | int, ...], value: 
     target[path[-1]] = value
     with pytest.raises(FileFormatError, match=message):
         from_json(json.dumps(fields), "episodes.jsonl line 4")
+
+
+def test_records_of_before_the_normalized_error_are_read() -> None:
+    line = to_json(RECORD)
+    assert ',"normalized":null' in line
+    assert from_json(line.replace(',"normalized":null', "")) == RECORD
 
 
 def test_a_missing_field_is_named() -> None:

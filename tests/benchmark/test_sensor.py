@@ -15,6 +15,7 @@ from benchmark.world import gl
 from benchmark.world.sensor import (
     SENSORS,
     SensorConfig,
+    calibration_error,
     capture,
     opencv_pose,
     sample_appearance,
@@ -22,6 +23,7 @@ from benchmark.world.sensor import (
     sample_repeatability_error,
     sensor_config,
 )
+from vision.calibration_error import CalibrationError
 from vision.camera import Camera
 from vision.errors import InputError
 
@@ -200,3 +202,15 @@ def test_wrong_picture_and_missing_camera_are_refused() -> None:
     look = sample_appearance(np.random.default_rng(0), SHOPFLOOR, CAMERA)
     with pytest.raises(InputError, match="camera"):
         capture(flat(1), np.random.default_rng(0), SHOPFLOOR, look)
+
+
+def test_what_is_known_of_the_calibration_is_how_large_its_errors_are():
+    assert calibration_error(IDEAL).is_zero
+    assert calibration_error(LAB).is_zero
+    known = calibration_error(SHOPFLOOR)
+    assert known == CalibrationError(0.5e-3, np.radians(0.1), 0.1e-3, 0.2)
+    drawn = [sample_hand_eye_error(np.random.default_rng(seed), SHOPFLOOR) for seed in range(2000)]
+    lengths = [np.linalg.norm(T.translation) for T in drawn]
+    angles = [T.rotation.magnitude() for T in drawn]
+    assert np.sqrt(np.mean(np.square(lengths))) == pytest.approx(known.hand_eye_translation_m, rel=0.05)
+    assert np.sqrt(np.mean(np.square(angles))) == pytest.approx(known.hand_eye_rotation_rad, rel=0.05)

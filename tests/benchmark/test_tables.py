@@ -11,7 +11,7 @@ from rich.console import Console
 
 from benchmark.config import SweepConfig, episodes
 from benchmark.metrics import wilson_interval
-from benchmark.records import EpisodeRecord, PickRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.records import EpisodeRecord, NormalizedError, PickRecord, PieceRecord, PoseErrors, ProcessResult
 from benchmark.report.figures import save_figures
 from benchmark.report.render import as_markdown, print_table
 from benchmark.report.tables import build_table, to_dict
@@ -87,10 +87,59 @@ def test_margin_of_dual_over_region_growing_is_over_the_same_pieces() -> None:
     assert row[-1] == "yes"
 
 
-def test_without_both_localizers_there_is_no_margin() -> None:
+def test_without_both_localizers_there_is_no_comparison_of_them() -> None:
     table = build_table(CONFIG, [record(pieces=(piece(0, 0.9, region=matched(1.0)),))])
     assert {margin["n"] for margin in to_dict(table)["margins"]} == {0}
     assert "Excludes zero" not in shown(table)
+    assert "lost it" not in shown(table)
+
+
+def test_what_one_extractor_lost_and_dual_matched_is_counted() -> None:
+    hit, lost = matched(1.0), MISSED
+    trios = [
+        (hit, hit, hit),  # both extracted it
+        (FOUND, FOUND, FOUND),
+        (lost, hit, hit),  # region growing lost it
+        (lost, FOUND, hit),
+        (lost, FOUND, FOUND),
+        (hit, lost, hit),  # edge grouping lost it
+        (lost, lost, hit),  # an arc was enough
+        (lost, lost, lost),
+    ]
+    pieces = tuple(piece(i, 0.9, region=r, group=g, dual=d) for i, (r, g, d) in enumerate(trios))
+    unjudged = (piece(8, 0.9, region=lost, dual=hit), piece(9, 0.9, in_bin=False, region=lost, group=hit, dual=hit))
+    table = build_table(CONFIG, [record(pieces=pieces + unjudged)])
+    (row,) = (r for r in to_dict(table)["made_good"] if (r["part"], r["min_visibility"]) == ("hub", 0.5))
+    counts = {name: (r["successes"], r["n"]) for name, r in {**row["extraction"], **row["matching"]}.items()}
+    assert counts == {
+        "both": (1, 2),
+        "region_lost": (2, 3),
+        "group_lost": (1, 1),
+        "region_missed": (3, 6),
+        "group_missed": (3, 6),
+        "both_missed": (2, 5),
+    }
+    assert "2 of 3 (21% to 94%)" in shown(table)
+    assert max(map(len, shown(table).splitlines())) <= 120
+
+
+def believed(squared: float, components: int = 6) -> ProcessResult:
+    return replace(matched(1.0), normalized=NormalizedError(squared, components))
+
+
+def test_coverage_is_the_share_of_matched_pieces_inside_the_ellipsoid() -> None:
+    """The 95 % quantiles of chi-square are 12.59 for six components and 11.07 for five."""
+    pieces = [believed(12.5), believed(12.7), believed(11.2, 5), believed(11.0, 5), matched(1.0), FOUND]
+    table = build_table(CONFIG, [record(pieces=tuple(piece(i, 0.9, dual=p) for i, p in enumerate(pieces)))])
+    (row,) = (
+        r for r in to_dict(table)["accuracy"] if (r["part"], r["method"], r["min_visibility"]) == ("hub", "dual", 0.5)
+    )
+    assert (row["n"], row["coverage"]["n"], row["coverage"]["successes"]) == (5, 4, 2)
+    assert (row["coverage"]["low"], row["coverage"]["high"]) == wilson_interval(2, 4)
+    text = shown(table)
+    hub, cover1 = (line.split() for line in text[text.index("Inside the 95% ellipsoid") :].splitlines()[4:6])
+    assert hub == ["Hub", "4", "–", "–", "50%", "(15%", "to", "85%)"]
+    assert cover1[-4:] == ["0", "–", "–", "–"]
 
 
 def test_table1_is_over_matched_pieces_in_the_papers_order() -> None:

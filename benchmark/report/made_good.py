@@ -1,0 +1,62 @@
+"""The loss of a salient feature in one extractor is made good by the other: the paper's claim, counted by pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from benchmark.records import EpisodeRecord, ProcessResult
+from benchmark.report.rate import Rate
+
+Trio = tuple[ProcessResult, ProcessResult, ProcessResult]
+
+
+@dataclass(frozen=True)
+class MadeGood:
+    """How many pieces the dual localizer matched, by what each of its two extractors had of them.
+
+    Attributes:
+        part: name of the pieces' type.
+        min_visibility: pieces less visible are left out.
+        extraction: by who had extracted the salient ellipse: ``both``, ``region_lost`` (edge grouping alone had it)
+            and ``group_lost`` (region growing alone had it).
+        matching: of the pieces that an extractor, alone, did not match: ``region_missed``, ``group_missed``, and
+            ``both_missed``, which count in the other two as well.
+    """
+
+    part: str
+    min_visibility: float
+    extraction: dict[str, Rate]
+    matching: dict[str, Rate]
+
+
+def made_good(records: Sequence[EpisodeRecord], part: str, min_visibility: float) -> MadeGood:
+    """Count over the pieces that dual and both of its extractors alone were judged on.
+
+    Args:
+        records: episodes that did not fail.
+        part: name of the pieces' type.
+        min_visibility: pieces less visible are left out, and so are those that bounced out of the bin.
+    """
+    judged = [trio for record in records for trio in _trios(record, part, min_visibility)]
+    return MadeGood(
+        part,
+        min_visibility,
+        extraction={
+            "both": Rate.of([dual.matched for r, g, dual in judged if r.extracted and g.extracted]),
+            "region_lost": Rate.of([dual.matched for r, g, dual in judged if g.extracted and not r.extracted]),
+            "group_lost": Rate.of([dual.matched for r, g, dual in judged if r.extracted and not g.extracted]),
+        },
+        matching={
+            "region_missed": Rate.of([dual.matched for r, _, dual in judged if not r.matched]),
+            "group_missed": Rate.of([dual.matched for _, g, dual in judged if not g.matched]),
+            "both_missed": Rate.of([dual.matched for r, g, dual in judged if not (r.matched or g.matched)]),
+        },
+    )
+
+
+def _trios(record: EpisodeRecord, part: str, min_visibility: float) -> list[Trio]:
+    """The results of region growing, edge grouping and dual for each piece that counts."""
+    counted = [p.results for p in record.pieces if p.part == part and p.in_bin and p.visibility >= min_visibility]
+    names = ("region", "group", "dual")
+    return [(r["region"], r["group"], r["dual"]) for r in counted if all(name in r for name in names)]
