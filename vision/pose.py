@@ -21,10 +21,10 @@ Array = NDArray[np.float64]
 SHIFT_SIGMA_PX = 0.025  # of all edges of one picture together
 SWELL_SIGMA_PX = 0.055  # of the radius of one rim in one picture
 RIM_SHIFT_SIGMA_PX = 0.075  # of one rim or hole in one picture
-LIFT_SIGMA_PX = 0.035  # of the taught height of one rim
+LIFT_SIGMA_PX = 0.07  # of the taught height of one rim
 TWIST_SIGMA_PX = 0.025  # of all holes of one picture about the part's axis
 COMMON_SIGMA_PX = 0.04  # of all edges of all pictures together
-LEAST_CURVATURE = 0.3  # of the cost, over that of the normal matrix
+LEAST_CURVATURE = 0.1  # of the cost, over that of the normal matrix
 
 
 @dataclass(frozen=True, eq=False)
