@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 _FIXED_POINT = 16
 _UNIT = 256.0  # Canny's upper threshold, in gradients divided by the local threshold
 _STRIDE = 4  # of the pixels from which local thresholds are computed
-_MAX_STRONG_SHARE = 0.25  # of the image: where more of it is above the upper limit of the threshold, the limit rises
+_MAX_STRONG_SHARE = 0.2  # of the image: where more of it is above the upper limit of the threshold, the limit rises
 _SOBEL_GAIN = 8.0  # response of the 3x3 Sobel operator to a ramp of one grey level per pixel
 
 
@@ -39,7 +39,7 @@ class EdgeParameters:
         clutter_factor: and at least this many times the mean gradient of the neighbourhood.
         window_px: width of that neighbourhood.
         min_contrast: lower limit of the upper threshold, grey levels per pixel.
-        max_contrast: upper limit of the upper threshold, grey levels per pixel; more where a quarter of the image
+        max_contrast: upper limit of the upper threshold, grey levels per pixel; more where a fifth of the image
             exceeds it, which bounds the time in texture.
         hysteresis: Canny's lower threshold over the upper one.
         min_length_px: chains with fewer points are dropped.

@@ -93,7 +93,7 @@ def search(  # type: ignore[no-untyped-def]
     for h in range(n):
         steps = gather(ps[h], edges, used, tolerance + 1.5, agreement - 0.05, GLANCE_STEPS, hits)
         first[h] = supported_share(hits, steps)
-    explained = np.full((len(out_ps), fragments), UNKNOWN, np.int8)
+    explained = np.empty((len(out_ps), fragments), np.int8)  # of no survivor yet
     found, attempts = 0, 0
     for h in np.argsort(-first):
         if first[h] < min_coverage or attempts - found == max_attempts:
@@ -115,6 +115,7 @@ def search(  # type: ignore[no-untyped-def]
         if quality[SCORE] < PROSPECT * min_score:
             continue
         out_quality[found] = quality
+        explained[found] = UNKNOWN
         found += 1
     return found
 
