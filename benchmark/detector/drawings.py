@@ -4,7 +4,7 @@ A drawing is a background (gradient, texture), straight and textured clutter, el
 front of them, then blur and noise. An ellipse counts as ground truth where enough of its circumference has contrast
 in the clean drawing; those that are hidden further, or faint, are neither asked for nor counted against a detector.
 The splits 'tune' and 'test' draw from disjoint seeds and, in scenes, different textures: thresholds are chosen on the
-first and reported on the second.
+first and reported on the second. The scenes of one category are not drawn but rendered (``renders.py``).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.detector.contrast import FAINT_CONTRAST, VISIBLE_CONTRAST, steps_across
 from benchmark.detector.photographs import PHOTOGRAPHIC, compose
 from benchmark.detector.surfaces import letters_without_rings
 from vision.ellipse import Ellipse
@@ -23,10 +24,10 @@ from vision.errors import InputError
 Array = NDArray[np.float64]
 
 PLAIN = ("complete", "concentric", "occluded", "small", "low_contrast", "clutter")
-CATEGORIES = (*PLAIN, *PHOTOGRAPHIC)
+RENDERED = "rendered"
+CATEGORIES = (*PLAIN, *PHOTOGRAPHIC, RENDERED)  # what is added comes last: the place is part of the seed
 SPLITS = {"tune": 0, "test": 1_000_000}  # first seed of each
 _ASKED_SHARE, _TOLERATED_SHARE = 0.5, 0.2  # of the circumference that has contrast
-_VISIBLE_CONTRAST, _FAINT_CONTRAST = 8.0, 2.5  # grey levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,16 +52,19 @@ def draw(split: str, category: str, number: int) -> Drawing:
 
     Raises:
         InputError: for an unknown split or category.
+        ResourceError: when the machine cannot render what is rendered.
     """
     if split not in SPLITS or category not in CATEGORIES:
         raise InputError("drawing", got=(split, category), expected=f"a split of {list(SPLITS)}, one of {CATEGORIES}")
     rng = np.random.default_rng([SPLITS[split] + number, CATEGORIES.index(category)])
-    if category in PHOTOGRAPHIC:
+    if category == RENDERED:
+        canvas, seen = _render(rng, split)
+    elif category in PHOTOGRAPHIC:
         canvas, seen = compose(rng, split, category)
     else:
         canvas, seen = _draw_plain(rng, category)
     ellipses = [e for e, _, _ in seen]
-    if rng.random() < 0.6:
+    if category != RENDERED and rng.random() < 0.6:
         canvas, ellipses = _bend(rng, canvas, ellipses)
     return Drawing(
         _photograph(rng, canvas),
@@ -72,6 +76,13 @@ def draw(split: str, category: str, number: int) -> Drawing:
         ),
         category,
     )
+
+
+def _render(rng: np.random.Generator, split: str) -> tuple[Array, list[tuple[Ellipse, float, float]]]:
+    """A rendered scene, and the ellipses in it with their visible shares."""
+    from benchmark.detector.renders import compose as compose_solids  # MuJoCo: nothing else here needs it
+
+    return compose_solids(rng, split)
 
 
 def _draw_plain(rng: np.random.Generator, category: str) -> tuple[Array, list[tuple[Ellipse, float, float]]]:
@@ -284,13 +295,5 @@ def _paint(rng: np.random.Generator, canvas: Array, ellipse: Ellipse, contrast: 
 
 def _visible_shares(canvas: Array, ellipse: Ellipse) -> tuple[float, float]:
     """Shares of the circumference across which the clean drawing changes plainly, and at least faintly."""
-    outline = ellipse.sample(256)
-    outward = np.column_stack([outline, np.ones(256)]) @ ellipse.conic[:, :2]
-    outward /= np.hypot(*outward.T)[:, None]
-    smooth = cv2.GaussianBlur(canvas, (0, 0), 0.6)
-    limit = np.array(canvas.shape[::-1]) - 1
-    sides = [np.round(outline + step * outward).astype(int) for step in (-1.7, 1.7)]
-    inside_image = np.all([(side >= 0).all(axis=1) & (side <= limit).all(axis=1) for side in sides], axis=0)
-    greys = [smooth[tuple(np.clip(side, 0, limit).T[::-1])] for side in sides]
-    step = np.where(inside_image, np.abs(greys[0] - greys[1]), 0.0)
-    return float(np.mean(step >= _VISIBLE_CONTRAST)), float(np.mean(step >= _FAINT_CONTRAST))
+    step = np.abs(steps_across(canvas, ellipse))
+    return float(np.mean(step >= VISIBLE_CONTRAST)), float(np.mean(step >= FAINT_CONTRAST))

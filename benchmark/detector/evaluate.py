@@ -1,15 +1,16 @@
-"""Precision, recall, F and time of ``vision.detect_ellipses`` on drawn images.
+"""Precision, recall, F and time of ``vision.detect_ellipses`` on drawn and rendered images.
 
-Usage: ``python -m benchmark.detector.evaluate [--split tune|test] [--number N] [--against NAME ...]``. One-to-one
-matching, a pair counts where the filled ellipses overlap by more than 0.8 (intersection over union); one thread.
-``--against`` runs public detectors on the same drawings; see ``public.py`` for what they need.
+Usage: ``python -m benchmark.detector.evaluate [--split tune|test] [--number N] [--only CATEGORY ...]
+[--against NAME ...]``. One-to-one matching, a pair counts where the filled ellipses overlap by more than 0.8
+(intersection over union); one thread. ``--against`` runs public detectors on the same images; see ``public.py`` for
+what they need. Without OpenGL the rendered images are left out.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -17,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from benchmark.detector.drawings import CATEGORIES, SPLITS, Drawing, draw
+from benchmark.detector.drawings import CATEGORIES, RENDERED, SPLITS, Drawing, draw
 from benchmark.detector.public import PUBLIC, Detector, public_detector
+from benchmark.world import gl
 from vision import detect_ellipses
 from vision.ellipse import Ellipse, overlap
 from vision.errors import ResourceError
@@ -90,12 +92,25 @@ def judge(drawing: Drawing, geometric: NDArray[np.float64], seconds: float) -> T
     return Tally(len(pairs), len(found) - tolerated, len(drawing.ellipses), seconds, 1)
 
 
-def evaluate(split: str, number: int, detectors: Mapping[str, Detector]) -> dict[str, dict[str, Tally]]:
+def drawable(categories: Sequence[str]) -> tuple[str, ...]:
+    """The categories that this machine can make; says so where it leaves out what is rendered."""
+    if RENDERED in categories:
+        try:
+            gl.require_backend()
+        except ResourceError as error:
+            print(f"{RENDERED}: left out. {error}")
+            return tuple(category for category in categories if category != RENDERED)
+    return tuple(categories)
+
+
+def evaluate(
+    split: str, number: int, detectors: Mapping[str, Detector], categories: Sequence[str] = CATEGORIES
+) -> dict[str, dict[str, Tally]]:
     """Tally per detector and category over the drawings 0 to ``number`` - 1 of a split."""
     for detect in detectors.values():
         detect(draw("tune", "complete", 0).image)  # compile first
-    tallies = {name: dict.fromkeys(CATEGORIES, Tally()) for name in detectors}
-    for category in CATEGORIES:
+    tallies = {name: dict.fromkeys(categories, Tally()) for name in detectors}
+    for category in categories:
         for k in range(number):
             drawing = draw(split, category, k)
             for name, detect in detectors.items():
@@ -120,6 +135,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--split", choices=tuple(SPLITS), default="test", help="which drawings")
     parser.add_argument("--number", type=int, default=20, help="drawings per category")
+    parser.add_argument("--only", nargs="+", choices=CATEGORIES, default=CATEGORIES, help="which categories")
     parser.add_argument("--against", nargs="+", choices=tuple(PUBLIC), default=[], help="public detectors to compare")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
@@ -127,7 +143,8 @@ def main() -> None:
         detectors: dict[str, Detector] = {name: public_detector(name) for name in arguments.against}
     except ResourceError as error:
         parser.exit(2, f"{error}\n")
-    tallies = evaluate(arguments.split, arguments.number, {OURS: detect_ellipses, **detectors})
+    categories = drawable(arguments.only)
+    tallies = evaluate(arguments.split, arguments.number, {OURS: detect_ellipses, **detectors}, categories)
     for name in tallies:
         print(*([f"\n{name}"] if detectors else []), table(tallies[name]), sep="\n")
 

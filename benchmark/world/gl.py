@@ -49,6 +49,18 @@ def choose_backend() -> str:
     )
 
 
+def require_backend() -> str:
+    """The backend of :func:`choose_backend`, tried even where the user has set it.
+
+    Raises:
+        ResourceError: it cannot draw; the message has the remedy.
+    """
+    asked = os.environ.get(_VARIABLE, "")
+    if asked and not works(asked):
+        raise ResourceError(f"OpenGL: {_VARIABLE}={asked} does not work here; unset it")
+    return choose_backend()
+
+
 def candidates(environment: Mapping[str, str]) -> tuple[str, ...]:
     """The backends worth trying in this environment, best first."""
     if sys.platform != "linux":
@@ -79,11 +91,8 @@ def renderer_name() -> str:
 
 def main() -> int:
     """Print the backend that works here; 1 and the remedy where none does."""
-    asked = os.environ.get(_VARIABLE, "")
     try:
-        if asked and not works(asked):
-            raise ResourceError(f"OpenGL: {_VARIABLE}={asked} does not work here; unset it")
-        print(choose_backend())
+        print(require_backend())
     except ResourceError as error:
         print(error, file=sys.stderr)
         return 1
