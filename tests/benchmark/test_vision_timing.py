@@ -17,7 +17,7 @@ from benchmark.detector.timing import TOTAL as DETECTOR_TOTAL
 from benchmark.report.grid import print_grids
 from benchmark.stage_clock import StageClock
 from benchmark.vision_timing import STAGES, TOTAL, Scene, photograph, time_scene, timing_grid
-from vision import grouping, localizer
+from vision import detector, localizer
 from vision.camera import Camera, View
 from vision.candidates import Workspace
 from vision.errors import InputError
@@ -85,14 +85,14 @@ def test_photographs_are_read_from_a_directory_and_the_worst_is_named(tmp_path):
 @pytest.mark.parametrize("name", ["notes.txt", "broken.png"])
 def test_a_directory_without_photographs_is_an_error(tmp_path, name):
     (tmp_path / name).write_text("no picture")
-    with pytest.raises(InputError, match="photograph"):
+    with pytest.raises(InputError, match="photograph|picture"):
         measure_detector(tmp_path)
 
 
 def test_a_clock_leaves_the_functions_as_they_were_even_after_an_error():
     before = [vars(owner)[name] for places in (*STAGES.values(), *DETECTOR_STAGES.values()) for owner, name in places]
     with pytest.raises(InputError), StageClock({**STAGES, **DETECTOR_STAGES}):
-        grouping.detect_ellipses("no picture")
+        detector.detect_ellipses("no picture")
     after = [vars(owner)[name] for places in (*STAGES.values(), *DETECTOR_STAGES.values()) for owner, name in places]
     assert all(a is b for a, b in zip(before, after, strict=True))
     assert isinstance(vars(localizer.EdgeField)["from_gray"], classmethod)

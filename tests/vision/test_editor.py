@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import threading
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from vision.teaching.editor.extractor_choice import how_often_found
 from vision.teaching.editor.findings import Inspector
 from vision.teaching.editor.grasp_pose import GraspPose, bore_at, grasp_on
 from vision.teaching.editor.overlays import make_overlay, no_overlay, overlay_tag
+from vision.teaching.editor.server import _is_worth_telling
 from vision.teaching.editor.workers import StoppedError, Worker
 from vision.teaching.lesson import locate
 from vision.teaching.session import Session
@@ -287,3 +289,12 @@ def test_autosave_ends_without_work(tmp_path: Path):
     Autosave(tmp_path / "session.json", lambda *_: None).close()
     assert not (tmp_path / "session.json").exists()
     assert all(thread.name != "autosave" for thread in threading.enumerate())
+
+
+def test_a_request_that_ended_with_the_program_is_not_told_of_and_faults_are():
+    def recorded(error):
+        return logging.LogRecord("uvicorn.error", logging.ERROR, "", 0, "fault", (), (type(error), error, None))
+
+    assert not _is_worth_telling(recorded(RuntimeError("No response returned.")))
+    assert _is_worth_telling(recorded(RuntimeError("the page has a fault")))
+    assert _is_worth_telling(logging.LogRecord("uvicorn.error", logging.INFO, "", 0, "started", (), None))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 from pathlib import Path
 
@@ -65,6 +66,7 @@ def _run(workshop: Workshop, listener: socket.socket, show: bool) -> None:
         print(f"Teach {workshop.part_name} at http://{HOST}:{port}/  (Ctrl-C ends; nothing is lost)", flush=True)
 
     app.on_startup(start)
+    logging.getLogger("uvicorn.error").addFilter(_is_worth_telling)
     ui.run(
         lambda: _page(workshop),
         host=HOST,
@@ -80,6 +82,12 @@ def _run(workshop: Workshop, listener: socket.socket, show: bool) -> None:
         cache_control_directives="no-cache",
         timeout_graceful_shutdown=1,
     )
+
+
+def _is_worth_telling(record: logging.LogRecord) -> bool:
+    """Not of a request that was on its way when the program was ended: it has no answer, and nobody waits for one."""
+    error = record.exc_info[1] if record.exc_info else None
+    return not (isinstance(error, RuntimeError) and str(error) == "No response returned.")
 
 
 def _page(workshop: Workshop) -> None:
