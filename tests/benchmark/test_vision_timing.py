@@ -85,7 +85,7 @@ def test_photographs_are_read_from_a_directory_and_the_worst_is_named(tmp_path):
 @pytest.mark.parametrize("name", ["notes.txt", "broken.png"])
 def test_a_directory_without_photographs_is_an_error(tmp_path, name):
     (tmp_path / name).write_text("no picture")
-    with pytest.raises(InputError, match="photograph|picture"):
+    with pytest.raises(InputError, match=r"photograph|picture"):
         measure_detector(tmp_path)
 
 
