@@ -34,10 +34,10 @@ CLAIM_SUPPORT = 0.3
 CLAIMED_SHARE = 0.3  # of an arc, from which it counts as claimed
 CHANCE_SUPPORT = 0.2  # what random edges give
 LEAST_SHOWN = 0.4  # a smaller share of the circles that face a view must speak for more than itself
+DEMAND = 1.6  # support that must make up for a share that is not shown
 RIVAL_PX, RIVAL_SUPPORT = 6.0, 0.005  # another rotation, and by how much less it is supported where it is no worse
 RIVAL_COARSE_SUPPORT = 0.05  # the same before it is looked at closely
 MOST_PEAKS = 6
-DEMAND = 1.6  # support that must make up for a share that is not shown
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ Soft and noisy outlines are clear in a smaller image, small ones only in the ful
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -15,7 +15,7 @@ from vision.edges import as_gray
 from vision.ellipse import Ellipse
 from vision.ellipse_pairs import is_known
 from vision.features import EllipseFeature
-from vision.grouping import GroupingParameters, group_ellipses
+from vision.grouping import Grouping, GroupingParameters, group_edges
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,27 @@ MIN_COARSE_SCORE = 0.3
 MAX_COARSE_HYPOTHESES, MAX_COARSE_ATTEMPTS = 400, 80  # less is left to be found there
 COARSE_OVERLAP = 0.75  # half the resolution does not tell the two edges of a rim apart
 COARSE_HYSTERESIS = 0.5  # there is less noise there, and more of a faint outline can be followed
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """What both looks found.
+
+    Attributes:
+        grouping: of the first look, in pixels of the image that was looked at.
+        factor: side of these pixels in those of the given image: 1 unless that is too large.
+        coarse: what only the second look showed, in pixels of the given image.
+    """
+
+    grouping: Grouping
+    factor: int
+    coarse: tuple[EllipseFeature, ...]
+
+    @property
+    def features(self) -> list[EllipseFeature]:
+        """All ellipses in pixels of the given image, best first."""
+        found = [_enlarged(feature, self.factor) for feature in self.grouping.features]
+        return sorted([*found, *self.coarse], key=lambda feature: -feature.score)
 
 
 def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | None = None) -> Array:
@@ -64,17 +85,35 @@ def find_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | No
     Raises:
         InputError: as :func:`detect_ellipses`.
     """
+    return detect(gray, parameters).features
+
+
+def detect(gray: NDArray[np.generic], parameters: GroupingParameters | None = None) -> Detection:
+    """Both looks of :func:`find_ellipses`, apart; arguments and errors are the same."""
     parameters = parameters or GroupingParameters()
-    image, factor = _shrunk(as_gray(gray))
-    found = _scaled_ellipses(image, factor, parameters)
-    if min(image.shape) >= MIN_COARSE_PX:
-        known = np.array([f.ellipse.p for f in found]).reshape(-1, 5)
-        half = np.asarray(cv2.pyrDown(image), np.uint8)
-        for feature in _scaled_ellipses(half, 2 * factor, _coarse(parameters)):
-            if not is_known(feature.ellipse.p, known, len(known), COARSE_OVERLAP, np.inf):
-                found.append(feature)
-        found.sort(key=lambda feature: -feature.score)
-    return found
+    image, factor = halved(as_gray(gray))
+    grouping = group_edges(image, _scaled(parameters, factor, image))
+    if min(image.shape) < MIN_COARSE_PX:
+        return Detection(grouping, factor, ())
+    known = np.array([f.ellipse.p for f in grouping.features]).reshape(-1, 5)
+    half = np.asarray(cv2.pyrDown(image), np.uint8)
+    second = group_edges(half, _scaled(_coarse(parameters), 2 * factor, half))
+    coarse = (_enlarged(feature, 2 * factor) for feature in second.features)
+    new = (f for f in coarse if not is_known(f.ellipse.p / factor, known, len(known), COARSE_OVERLAP, np.inf))
+    return Detection(grouping, factor, tuple(new))
+
+
+def halved(image: NDArray[np.uint8], most_px: int = MAX_PX) -> tuple[NDArray[np.uint8], int]:
+    """Halve an image, (H, W) or (H, W, 3), until neither side is longer than this.
+
+    Returns:
+        The smaller image, and the side of its pixels in those of the given one; the centres of its pixels are those
+        of every so many.
+    """
+    factor = 1
+    while max(image.shape[:2]) > most_px:
+        image, factor = np.asarray(cv2.pyrDown(image), np.uint8), 2 * factor
+    return image, factor
 
 
 def _coarse(parameters: GroupingParameters) -> GroupingParameters:
@@ -88,27 +127,19 @@ def _coarse(parameters: GroupingParameters) -> GroupingParameters:
     )
 
 
-def _shrunk(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
-    """The image, halved until it is not too large, and the side of its pixels in those of the given one."""
-    factor = 1
-    while max(image.shape) > MAX_PX:
-        image, factor = np.asarray(cv2.pyrDown(image), np.uint8), 2 * factor
-    return image, factor
-
-
-def _scaled_ellipses(image: NDArray[np.uint8], factor: int, parameters: GroupingParameters) -> list[EllipseFeature]:
-    """What is found in an image whose pixels are ``factor`` of the given one wide, in pixels of the given one."""
+def _scaled(parameters: GroupingParameters, factor: int, image: NDArray[np.uint8]) -> GroupingParameters:
+    """The parameters for an image whose pixels are ``factor`` of the given one wide."""
     if factor == 1:
-        return group_ellipses(image, parameters)
+        return parameters
     smallest, largest = parameters.size_px or (0.0, factor * float(max(image.shape)))
-    size_px = (max(smallest / factor, MIN_COARSE_SEMI_MAJOR_PX), largest / factor)
-    if size_px[0] > size_px[1]:
-        return []
-    return [_enlarged(f, factor) for f in group_ellipses(image, replace(parameters, size_px=size_px))]
+    smallest = max(smallest / factor, MIN_COARSE_SEMI_MAJOR_PX)
+    return replace(parameters, size_px=(smallest, max(largest / factor, smallest)))
 
 
 def _enlarged(feature: EllipseFeature, factor: int) -> EllipseFeature:
     """A feature of a smaller image, whose pixels have their centres on every ``factor``-th one of the larger."""
+    if factor == 1:
+        return feature
     covariance = feature.ellipse.covariance
     ellipse = Ellipse(factor * feature.ellipse.p, None if covariance is None else factor**2 * covariance)
     return replace(feature, ellipse=ellipse, points=factor * feature.points)

@@ -165,19 +165,6 @@ def _ticks(pixels: Array, normals: Array) -> list[Array]:
     return list(np.stack([pixels - along, pixels + along], axis=1))
 
 
-def halved(image: Image, most_px: int) -> tuple[Image, int]:
-    """Halve an image until neither side is longer than this.
-
-    Returns:
-        The smaller image, and the side of its pixels in those of the given one; the centres of its pixels are those
-        of every so many.
-    """
-    factor = 1
-    while max(image.shape[:2]) > most_px:
-        image, factor = np.asarray(cv2.pyrDown(image), np.uint8), 2 * factor
-    return image, factor
-
-
 def paint(image: Image, strokes: Strokes, *, zoom: int = 1, thickness_px: int = 1) -> Image:
     """Draw strokes on an image.
 

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from vision import stages
 from vision.camera import View
-from vision.detector import detect_ellipses
-from vision.drawing import halved
+from vision.detector import detect, halved
 from vision.edges import as_gray
 from vision.ellipse import Ellipse
 from vision.extraction import Extraction
-from vision.grouping import Grouping, group_edges
+from vision.grouping import Grouping
 from vision.model_contour import ModelContour
 from vision.panel import Panel, Paper
 from vision.pose import PoseEstimate
@@ -23,13 +22,10 @@ from vision.regions import region_ellipses
 from vision.segmentation import segment
 from vision.vision_model import VisionModel
 
-__all__ = ["LARGEST_PX", "MODEL_FREE_PANELS", "PANELS", "Panel", "explain", "explain_view"]
+__all__ = ["MODEL_FREE_PANELS", "PANELS", "Panel", "explain", "explain_view"]
 
 FINE_BELOW_PX = 1000
 """Images with shorter sides than this are drawn at twice their size."""
-
-LARGEST_PX = 1600
-"""Images with a longer side are halved before anything else, as :func:`vision.grouping.detect_ellipses` does."""
 
 MODEL_FREE_PANELS = ("1_edges", "2_regions", "3_region_ellipses", "4_fragments", "5_groups", "6_filter")
 """Names of the panels of an image about which nothing is known."""
@@ -47,13 +43,11 @@ PANELS = (
 )
 """Names of the panels of a view in which taught parts were looked for with both extractors."""
 
-_SAME_PX = 1e-3
-
 
 def explain(image: NDArray[np.generic]) -> tuple[Panel, ...]:
     """Run region growing and edge grouping on an image and draw what each stage found.
 
-    The groups are those of :func:`vision.grouping.detect_ellipses`.
+    The groups are those of :func:`vision.detector.detect_ellipses`.
 
     Args:
         image: uint8, (H, W) grey or (H, W, 3) RGB. One with more than 1600 px along a side is halved first.
@@ -65,10 +59,11 @@ def explain(image: NDArray[np.generic]) -> tuple[Panel, ...]:
         InputError: when it is not an image, see :func:`vision.edges.as_gray`.
     """
     whole = as_gray(image)
-    gray, factor = halved(whole, LARGEST_PX)
+    gray, factor = halved(whole)
     paper = Paper(gray, _zoom(gray))
     segmentation = segment(gray)
-    grouping, coarse = _detected(group_edges(gray), detect_ellipses(whole), factor)
+    detection = detect(whole)
+    grouping, coarse = detection.grouping, [Ellipse(f.ellipse.p / factor) for f in detection.coarse]
     return (
         _edges_of_groups(paper, grouping),
         stages.regions(paper, segmentation),
@@ -137,22 +132,6 @@ def _edges(paper: Paper, extraction: Extraction) -> Panel:
 
 def _edges_of_groups(paper: Paper, grouping: Grouping) -> Panel:
     return stages.edges(paper, grouping.edges.index >= 0, f"{len(grouping.edges)} chains")
-
-
-def _detected(grouping: Grouping, detected: NDArray[np.float64], factor: int) -> tuple[Grouping, tuple[Ellipse, ...]]:
-    """The groups that a detection returns, and the ellipses that it found at half their resolution.
-
-    Args:
-        grouping: of the image that is drawn.
-        detected: (N, 5) of the whole image.
-        factor: side of a pixel of the former in pixels of the latter.
-    """
-    rows = detected / (factor, factor, factor, factor, 1)
-    own = np.array([feature.ellipse.geometric for feature in grouping.features]).reshape(-1, 5)
-    same = np.abs(rows[:, None, :4] - own[None, :, :4]).max(axis=2) < _SAME_PX
-    kept = tuple(f for f, yes in zip(grouping.features, same.any(axis=0), strict=True) if yes)
-    coarse = tuple(Ellipse.from_geometric(*row) for row in rows[~same.any(axis=1)])
-    return replace(grouping, features=kept), coarse
 
 
 def _contour(model: VisionModel, estimates: Sequence[PoseEstimate], view: View) -> ModelContour:

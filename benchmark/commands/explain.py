@@ -85,13 +85,13 @@ def _look_for(
     from scipy.spatial.transform import RigidTransform
 
     from vision.camera import Camera, View
-    from vision.drawing import halved
-    from vision.explain import LARGEST_PX, explain_view
+    from vision.detector import halved
+    from vision.explain import explain_view
     from vision.localizer import EllipseLocalizer
 
     height, width = rgb.shape[:2]
     fx, fy, cx, cy = intrinsics or (LENS_PX_PER_WIDTH * width,) * 2 + ((width - 1) / 2, (height - 1) / 2)
-    small, factor = halved(rgb, LARGEST_PX)
+    small, factor = halved(rgb)
     camera = Camera(small.shape[1], small.shape[0], fx / factor, fy / factor, cx / factor, cy / factor)
     view = View(small, camera, RigidTransform.identity())
     workspace = _workspace(camera, depths_mm or _usual_depths(model))

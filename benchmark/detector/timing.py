@@ -34,7 +34,7 @@ STAGES: dict[str, tuple[Place, ...]] = {
         (grouping, "_filter_survivors"),
     ),
 }
-_LOOK: dict[str, tuple[Place, ...]] = {"look": ((detector, "_scaled_ellipses"),)}
+_LOOK: dict[str, tuple[Place, ...]] = {"look": ((detector, "group_edges"),)}
 
 Times = dict[str, float]
 

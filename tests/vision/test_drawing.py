@@ -18,7 +18,6 @@ from vision.drawing import (
     ellipse_strokes,
     fragment_strokes,
     group_strokes,
-    halved,
     model_strokes,
     paint,
     paint_regions,
@@ -206,10 +205,3 @@ def test_contact_sheet_is_as_large_for_a_narrow_image(shape: tuple[int, int]) ->
     sheet = contact_sheet({"a": np.zeros((*shape, 3), np.uint8), "b": np.zeros((*shape, 3), np.uint8)}, box_px=100)
     assert max(sheet.shape) < 260
     assert (sheet == 0).all(axis=2).sum() >= 2 * 100
-
-
-def test_an_image_is_halved_until_it_fits() -> None:
-    image = np.zeros((50, 100), np.uint8)
-    smaller, factor = halved(image, 30)
-    assert (smaller.shape, factor) == ((13, 25), 4)
-    assert halved(image, 100)[1] == 1

@@ -9,6 +9,7 @@ from benchmark.detector.drawings import draw, fill_ellipse
 from benchmark.detector.evaluate import Tally, judge, match
 from benchmark.detector.photographs import PHOTOGRAPHIC
 from vision import GroupingParameters, detect_edges, detect_ellipses, find_ellipses, group_edges, group_ellipses
+from vision.detector import halved
 from vision.ellipse import Ellipse, overlap
 from vision.errors import InputError
 from vision.regions import region_ellipses
@@ -187,6 +188,13 @@ def test_a_complete_outline_is_supported_all_around(axes):
     image = photograph((Ellipse.from_geometric(320.3, 239.6, *axes, 0.6), 170.0))
     (feature,) = group_ellipses(image)
     assert feature.support > 0.9
+
+
+def test_an_image_is_halved_until_it_fits() -> None:
+    image = np.zeros((50, 100), np.uint8)
+    smaller, factor = halved(image, 30)
+    assert (smaller.shape, factor) == ((13, 25), 4)
+    assert halved(image, 100)[1] == 1
 
 
 def test_an_image_above_the_limit_is_halved_and_measured_in_its_own_pixels():
