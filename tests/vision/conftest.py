@@ -11,6 +11,7 @@ from scipy.special import ndtr
 
 from vision.camera import Camera, View
 from vision.circle_pose import Circle
+from vision.model_contour import ModelContour
 from vision.vision_model import CircleFeature, VisionModel
 
 CAMERA = Camera.from_lens(0.016, (0.0048, 0.0036), (640, 480))
@@ -116,3 +117,15 @@ def pose() -> Callable[..., RigidTransform]:
         return RigidTransform.from_components(np.array([x, y, z]) * 1e-3, turned)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def contour(plate: VisionModel) -> ModelContour:
+    """The plate's model, sampled coarsely."""
+    return ModelContour.of(plate, 1500.0)
+
+
+@pytest.fixture
+def truth(pose: Callable[..., RigidTransform]) -> RigidTransform:
+    """A pose of the plate that nothing is special about."""
+    return pose(4, -7, 2, about=(6, -8, 25))

@@ -14,7 +14,6 @@ from vision.candidates import Workspace
 from vision.errors import InputError
 from vision.localizer import EllipseLocalizer
 from vision.matching_parameters import MatchingParameters
-from vision.model_contour import ModelContour
 from vision.pose import Observations, refine_pose
 
 SHOPFLOOR = CalibrationError(0.5e-3, np.radians(0.1), 0.1e-3, 0.2)
@@ -25,16 +24,6 @@ SOURCES = {
     "lens": CalibrationError(lens_px=1.0),
     "shop floor": SHOPFLOOR,
 }
-
-
-@pytest.fixture(scope="module")
-def contour(plate):
-    return ModelContour.of(plate, 1500.0)
-
-
-@pytest.fixture
-def truth(pose):
-    return pose(4, -7, 2, about=(6, -8, 25))
 
 
 def seen_from(views, contour, truth, lens):

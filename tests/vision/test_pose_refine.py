@@ -8,20 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.model_contour import ModelContour
 from vision.pose import SHIFT_SIGMA_PX, SWELL_SIGMA_PX, Observations, refine_pose
 
 SIGMA_PX = 0.3
-
-
-@pytest.fixture(scope="module")
-def contour(plate):
-    return ModelContour.of(plate, 1500.0)
-
-
-@pytest.fixture
-def truth(pose):
-    return pose(4, -7, 2, about=(6, -8, 25))
 
 
 def observer(contour, truth, views, noise=None, outliers=None):
