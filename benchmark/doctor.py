@@ -132,7 +132,7 @@ def check_assets() -> Iterator[Finding]:
 def check_models() -> Iterator[Finding]:
     """Every part's taught vision model loads."""
     from benchmark.world.parts import PART_NAMES
-    from vision.model_file import load_model
+    from vision.model.model_file import load_model
 
     for name in PART_NAMES:
         path = ROOT / "assets" / "models" / f"{name}.json"

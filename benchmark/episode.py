@@ -27,11 +27,11 @@ from benchmark.world.parts import get_part
 from benchmark.world.scene import CellConfig, cell_config
 from benchmark.world.sensor import calibration_error, sensor_config, with_hand_eye_error
 from robot.viewpoints import footprint, reachable_viewpoints, stations
-from vision.calibration_error import CalibrationError
-from vision.camera import View
-from vision.candidates import Workspace
 from vision.errors import InputError
+from vision.geometry.camera import View
+from vision.geometry.workspace import Workspace
 from vision.localizer import Localization, Localizer
+from vision.pose.calibration import CalibrationError
 
 Array = NDArray[np.float64]
 

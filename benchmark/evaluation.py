@@ -24,12 +24,12 @@ from benchmark.metrics import (
 )
 from benchmark.records import PieceRecord, ProcessResult
 from benchmark.world.parts import get_part, vertices
-from vision.camera import View
-from vision.circle_pose import project_circle
-from vision.ellipse import Ellipse, overlap
 from vision.features import EllipseFeature
+from vision.geometry.camera import View
+from vision.geometry.circle import project_circle
+from vision.geometry.ellipse import Ellipse, overlap
 from vision.localizer import Localization
-from vision.pose import PoseEstimate
+from vision.pose.estimate import PoseEstimate
 
 Array = NDArray[np.float64]
 FACING_COSINE = 0.12  # a circle seen more obliquely than 83 degrees makes no salient ellipse

@@ -13,16 +13,15 @@ from scipy.spatial.transform import RigidTransform
 
 from benchmark.user_localizer import REFERENCE, WatchedLocalizer, imported, make_watched
 from benchmark.world.mesh_file import MeshReference
-from vision import model_file
-from vision.calibration_error import EXACT, CalibrationError
-from vision.camera import View
-from vision.candidates import Workspace
 from vision.errors import InputError
-from vision.localizer import EllipseLocalizer, Localization, Localizer
-from vision.localizer_arguments import PRESETS
-from vision.matching_parameters import MatchingParameters
-from vision.pose import PoseEstimate
-from vision.vision_model import VisionModel
+from vision.geometry.camera import View
+from vision.geometry.workspace import Workspace
+from vision.localizer import PRESETS, EllipseLocalizer, Localization, Localizer
+from vision.matching.parameters import MatchingParameters
+from vision.model import model_file
+from vision.model.vision_model import VisionModel
+from vision.pose.calibration import EXACT, CalibrationError
+from vision.pose.estimate import PoseEstimate
 
 MODELS = Path(__file__).resolve().parents[1] / "assets" / "models"
 ENTRY_POINTS = "focalpick.localizers"

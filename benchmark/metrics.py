@@ -142,8 +142,8 @@ def normalized_error(
 ) -> NormalizedError | None:
     """The error of a pose, squared, in units of the covariance that came with it.
 
-    The error has the order and the frame of ``vision.pose.PoseEstimate.covariance``: the translation and then the
-    rotation vector that lead from the true pose to the estimate, both in the world frame and about the part's
+    The error has the order and the frame of ``PoseEstimate.covariance``: the translation and then the rotation
+    vector that lead from the true pose to the estimate, both in the world frame and about the part's
     origin. Of the poses that look the same, the nearest one is the true pose.
 
     Args:

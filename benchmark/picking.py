@@ -28,7 +28,7 @@ from robot.grasps import GraspChoice, GraspPlan, GraspSettings, OpenedGrasp, Pie
 from robot.gripper import Gripper
 from robot.gripper_geometry import Boxes, GripperGeometry
 from robot.trajectory import Trajectory, cartesian_line, joint_trajectory
-from vision.pose import PoseEstimate
+from vision.pose.estimate import PoseEstimate
 
 Array = NDArray[np.float64]
 

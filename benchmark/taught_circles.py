@@ -14,7 +14,7 @@ from benchmark.variant import Variant
 from benchmark.variant_models import taught_models
 from benchmark.world.parts import Part, get_part
 from vision.errors import FileFormatError, InputError
-from vision.vision_model import VisionModel
+from vision.model.vision_model import VisionModel
 
 
 @dataclass(frozen=True)

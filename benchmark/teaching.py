@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from benchmark.world.parts import Part, Rim, get_part
 from benchmark.world.sensor import SensorConfig, sensor_config
 from benchmark.world.studio import Sitter, Studio
-from vision.camera import View
-from vision.circle_pose import Circle, project_circle
+from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
-from vision.evidence import EdgeField
+from vision.geometry.camera import View
+from vision.geometry.circle import Circle, project_circle
+from vision.model.vision_model import VisionModel
 from vision.teaching import events as ev
 from vision.teaching.lesson import locate
 from vision.teaching.session import Session, build_model
-from vision.vision_model import VisionModel
 
 Array = NDArray[np.float64]
 

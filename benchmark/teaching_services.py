@@ -8,10 +8,10 @@ from pathlib import Path
 
 from benchmark.world.mesh_file import MeshReference
 from benchmark.world.parts import Part, get_part
-from vision.camera import View
+from vision.geometry.camera import View
+from vision.model.vision_model import VisionModel
 from vision.teaching.editor.services import Description, SceneOutcome
 from vision.teaching.view_directory import VIEWS_FILE, save_views
-from vision.vision_model import VisionModel
 
 LESSONS = Path("teaching")
 """Where lesson directories are made."""

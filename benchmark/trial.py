@@ -24,16 +24,16 @@ from benchmark.records import EpisodeRecord
 from benchmark.world.cell import WorkCell
 from benchmark.world.mesh_file import MeshReference
 from benchmark.world.parts import Symmetry
-from vision.camera import View
-from vision.candidates import Workspace
-from vision.drawing import Colour, Image, Strokes, enlarge, model_strokes, paint, plain_strokes
+from vision.drawing.strokes import Colour, Image, Strokes, enlarge, model_strokes, paint, plain_strokes
 from vision.errors import InputError
+from vision.geometry.camera import View
+from vision.geometry.workspace import Workspace
 from vision.localizer import EllipseLocalizer, Localization
-from vision.model_contour import ModelContour
-from vision.model_file import save_model
-from vision.pose import PoseEstimate
+from vision.model.contour import ModelContour
+from vision.model.model_file import save_model
+from vision.model.vision_model import VisionModel
+from vision.pose.estimate import PoseEstimate
 from vision.teaching.editor.services import PieceOutcome, SceneOutcome
-from vision.vision_model import VisionModel
 
 Array = NDArray[np.float64]
 Report = Callable[[SceneOutcome], None]

@@ -17,11 +17,11 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from benchmark.localizer_error import LocalizerError
-from vision.camera import View
-from vision.candidates import Workspace
+from vision.geometry.camera import View
+from vision.geometry.workspace import Workspace
 from vision.localizer import Localization, Localizer
-from vision.pose import PoseEstimate
-from vision.vision_model import VisionModel
+from vision.model.vision_model import VisionModel
+from vision.pose.estimate import PoseEstimate
 
 REFERENCE = "package.module:factory"
 LOCALIZE = "localize(views, workspace) that returns a vision.Localization"

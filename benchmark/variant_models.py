@@ -10,12 +10,12 @@ from pathlib import Path
 from benchmark.config import SweepConfig
 from benchmark.teaching import Operator, teach
 from benchmark.variant import Variant
-from vision.camera import View
-from vision.candidates import Workspace
 from vision.errors import InputError
+from vision.geometry.camera import View
+from vision.geometry.workspace import Workspace
 from vision.localizer import Localization
-from vision.model_file import load_model, save_model
-from vision.vision_model import VisionModel
+from vision.model.model_file import load_model, save_model
+from vision.model.vision_model import VisionModel
 
 MODELS = "models"
 _REFUSED = ".refused.txt"

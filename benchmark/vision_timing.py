@@ -28,9 +28,9 @@ from benchmark.report.published import PARTS
 from benchmark.stage_clock import Place, StageClock
 from benchmark.world.cell import WorkCell
 from vision import extraction, localizer
-from vision.camera import View
-from vision.candidates import Workspace
 from vision.errors import FocalpickError
+from vision.geometry.camera import View
+from vision.geometry.workspace import Workspace
 
 TARGET_MS = 60.0
 """The whole vision step, for each 640x480 view."""

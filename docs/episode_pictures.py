@@ -21,9 +21,9 @@ from benchmark.config import EpisodeConfig
 from benchmark.episode import EpisodeObserver, run_episode
 from benchmark.report.rerun_log import record_episode
 from tests.browser.person import CHROMIUM
-from vision.camera import View
-from vision.drawing import Image, contact_sheet
-from vision.explain import PANELS
+from vision.drawing.explain import PANELS
+from vision.drawing.strokes import Image, contact_sheet
+from vision.geometry.camera import View
 
 IMAGES = Path(__file__).resolve().parent / "images"
 EPISODE = EpisodeConfig(("hub",), scene=3)

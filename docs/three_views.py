@@ -12,10 +12,10 @@ from benchmark.episode import EpisodeObserver, run_episode
 from benchmark.evaluation import Verdict
 from benchmark.localizers import load_model
 from benchmark.world.cell import WorkCell
-from vision.camera import View
+from vision.drawing.superimpose import superimpose
+from vision.files.views import save_views
+from vision.geometry.camera import View
 from vision.localizer import Localization
-from vision.superimposition import superimpose
-from vision.view_directory import save_views
 
 DIRECTORY = Path(__file__).resolve().parent / "images" / "three_views"
 TRUTH = DIRECTORY / "truth.json"

@@ -12,8 +12,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from robot.arm import joint_vector
 from robot.errors import UnreachableError
 from robot.kinematics import HOME_Q, ArmKinematics
-from vision.camera import Camera
 from vision.errors import InputError
+from vision.geometry.camera import Camera
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,23 @@ FILES = tuple(sorted(path for package in PACKAGES for path in (ROOT / package).r
 
 VISION_MAY_IMPORT = {"vision", "numpy", "scipy", "cv2", "filterpy", "numba"}
 ROBOT_MAY_IMPORT = {"robot", "numpy", "scipy", "mujoco", "mink", "ruckig"}
-VALUE_TYPES = ("vision.camera", "vision.errors")
+VALUE_TYPES = ("vision.geometry.camera", "vision.errors")
 EDITOR = "vision/teaching/editor/"
+ANYONE = {"errors", "settings", "features", "kernel_cache"}
+ROOMS: dict[str, set[str]] = {
+    "geometry": set(),
+    "files": {"geometry"},
+    "edges": {"geometry"},
+    "regions": {"geometry", "edges"},
+    "grouping": {"geometry", "edges"},
+    "extraction": {"geometry", "regions", "grouping"},
+    "model": {"geometry", "files", "extraction"},
+    "pose": {"geometry", "edges", "model"},
+    "matching": {"geometry", "edges", "extraction", "model", "pose"},
+    "drawing": {"geometry", "edges", "regions", "grouping", "extraction", "model", "pose"},
+    "localizer": {"geometry", "edges", "regions", "extraction", "model", "pose", "matching"},
+}
+"""What each room of `vision` may import besides itself and what anyone may: lower rooms come first."""
 SCENE = "benchmark/world/scene.py"
 
 
@@ -79,11 +94,21 @@ def _complaints(item: Import, path: str) -> list[str]:
         complaints.append(f"robot may not import {item.target}")
     if item.is_in("vision.teaching") and home == "vision" and not path.startswith("vision/teaching/"):
         complaints.append(f"vision may not import {item.target}: teaching imports vision, not the other way round")
+    complaints += _crossed_rooms(item, path)
     if item.root == "dm_control" and path != SCENE:
         complaints.append(f"only {SCENE} may import {item.target}")
     if item.is_private and item.root != home:
         complaints.append(f"{item.target} is private to another package")
     return complaints
+
+
+def _crossed_rooms(item: Import, path: str) -> list[str]:
+    """A room of `vision` imports lower rooms only; the two extractors do not know each other."""
+    parts, names = path.removesuffix(".py").split("/"), item.target.split(".")
+    if parts[0] != "vision" or names[0] != "vision" or len(names) < 2 or parts[1] not in ROOMS:
+        return []
+    allowed = ROOMS[parts[1]] | ANYONE | {parts[1]}
+    return [] if names[1] in allowed else [f"the room vision/{parts[1]} may not import {item.target}"]
 
 
 def _extra(path: str) -> set[str]:
@@ -95,6 +120,14 @@ def test_file_respects_the_walls(path):
     assert broken_walls((ROOT / path).read_text(encoding="utf-8"), path) == []
 
 
+def test_every_room_of_vision_has_its_rule_and_says_its_purpose():
+    rooms = {path.parent.name for path in (ROOT / "vision").glob("*/__init__.py")}
+    assert rooms - set(ROOMS) == {"teaching"}
+    for room in rooms:
+        text = (ROOT / "vision" / room / "__init__.py").read_text(encoding="utf-8")
+        assert ast.get_docstring(ast.parse(text)), f"vision/{room}/__init__.py does not say what it is for"
+
+
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_package_is_read(package):
     assert any(file.is_relative_to(ROOT / package) for file in FILES)
@@ -103,19 +136,24 @@ def test_every_package_is_read(package):
 @pytest.mark.parametrize(
     ("path", "source"),
     [
-        ("vision/pose.py", "import mujoco"),
-        ("vision/pose.py", "import robot.arm"),
-        ("vision/pose.py", "def f():\n    from benchmark import config"),
-        ("vision/pose.py", "from vision.teaching import session"),
-        ("vision/pose.py", "from .teaching.session import Session"),
-        ("vision/pose.py", "from scipy.optimize._lsq import trf"),
+        ("vision/pose/refinement.py", "import mujoco"),
+        ("vision/pose/refinement.py", "import robot.arm"),
+        ("vision/pose/refinement.py", "def f():\n    from benchmark import config"),
+        ("vision/pose/refinement.py", "from vision.teaching import session"),
+        ("vision/pose/refinement.py", "from ..teaching.session import Session"),
+        ("vision/pose/refinement.py", "from scipy.optimize._lsq import trf"),
         ("vision/teaching/session.py", "import nicegui"),
+        ("vision/regions/merging.py", "from vision.grouping import fragments"),
+        ("vision/grouping/score.py", "from vision.regions.quadtree import SplitAndMerge"),
+        ("vision/matching/matcher.py", "from vision.regions.segmentation import segment"),
+        ("vision/geometry/ellipse.py", "from vision.edges.edge_map import EdgeMap"),
+        ("vision/localizer.py", "from vision.drawing.panel import Panel"),
         ("robot/arm.py", "import cv2"),
-        ("robot/arm.py", "from vision.edges import canny"),
+        ("robot/arm.py", "from vision.edges.edge_map import canny"),
         ("robot/arm.py", "from vision import Camera"),
         ("robot/arm.py", "from dm_control import mjcf"),
         ("benchmark/cli.py", "import dm_control.mjcf"),
-        ("benchmark/cli.py", "from vision.camera import _project"),
+        ("benchmark/cli.py", "from vision.geometry.camera import _project"),
         ("benchmark/cli.py", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from dm_control import mjcf"),
     ],
 )
@@ -129,8 +167,11 @@ def test_a_broken_wall_is_found(path, source):
 @pytest.mark.parametrize(
     ("path", "source"),
     [
-        ("vision/pose.py", "from __future__ import annotations\nimport math\nimport cv2\nfrom scipy import linalg"),
-        ("vision/pose.py", "from .ellipse import Ellipse\nfrom vision.ellipse import _helper"),
+        (
+            "vision/pose/refinement.py",
+            "from __future__ import annotations\nimport math\nimport cv2\nfrom scipy import linalg",
+        ),
+        ("vision/pose/refinement.py", "from .ellipse import Ellipse\nfrom vision.geometry.ellipse import _helper"),
         ("vision/teaching/session.py", "from vision.teaching import operator\nfrom ..pose import Pose"),
         ("vision/teaching/editor/page.py", "from nicegui import ui"),
         ("robot/arm.py", "import mujoco\nimport mink\nfrom vision.errors import InputError"),

@@ -10,36 +10,47 @@ from typing import TYPE_CHECKING
 from vision import kernel_cache
 
 if TYPE_CHECKING:
-    from vision.camera import Camera, View
-    from vision.candidates import Workspace
-    from vision.circle_pose import Circle
-    from vision.detector import detect_ellipses, find_ellipses
-    from vision.edges import EdgeMap, EdgeParameters, detect_edges
-    from vision.ellipse import Ellipse
-    from vision.ellipse_filter import FilterParameters
+    from vision.drawing.superimpose import superimpose
+    from vision.edges.edge_map import EdgeMap, EdgeParameters, detect_edges
     from vision.errors import FileFormatError, FocalpickError, InputError, ResourceError
-    from vision.extraction_thresholds import ExtractionThresholds
+    from vision.extraction import Extraction, ExtractionThresholds
     from vision.features import EllipseFeature, RegionAttributes
-    from vision.fragments import FragmentParameters
-    from vision.grouping import Grouping, GroupingParameters, group_edges, group_ellipses
+    from vision.files.picture import read_picture
+    from vision.files.views import load_views, save_views
+    from vision.geometry.camera import Camera, View
+    from vision.geometry.circle import Circle
+    from vision.geometry.ellipse import Ellipse
+    from vision.geometry.workspace import Workspace
+    from vision.grouping.detector import detect_ellipses, find_ellipses
+    from vision.grouping.edge_grouping import Grouping, GroupingParameters, group_edges, group_ellipses
+    from vision.grouping.fragments import FragmentParameters
+    from vision.grouping.kalman_filter import FilterParameters
     from vision.localizer import EllipseLocalizer, Localization, Localizer, extract_features
-    from vision.matching_parameters import MatchingParameters
-    from vision.model_file import load_model, save_model
-    from vision.picture import read_picture
-    from vision.pose import PoseEstimate
-    from vision.quadtree import SplitAndMerge
-    from vision.region_attributes import AttributeConstraints
-    from vision.regions import BoundaryFit, region_ellipses
-    from vision.segmentation import Region, RegionGrowing, Segmentation, segment
-    from vision.superimposition import superimpose
-    from vision.view_directory import load_views, save_views
-    from vision.vision_model import CircleFeature, VisionModel
+    from vision.matching.parameters import MatchingParameters
+    from vision.model.model_file import load_model, save_model
+    from vision.model.vision_model import (
+        AttributeRange,
+        BoreCoordinates,
+        CircleFeature,
+        GraspCoordinates,
+        Pattern,
+        VisionModel,
+    )
+    from vision.pose.calibration import CalibrationError
+    from vision.pose.estimate import FeatureSupport, PoseEstimate
+    from vision.regions.attributes import AttributeConstraints
+    from vision.regions.quadtree import SplitAndMerge
+    from vision.regions.region_ellipses import BoundaryFit, region_ellipses
+    from vision.regions.segmentation import Region, RegionGrowing, Segmentation, segment
 
 kernel_cache.settle()  # before any module with kernels is imported
 
 __all__ = [
     "AttributeConstraints",
+    "AttributeRange",
+    "BoreCoordinates",
     "BoundaryFit",
+    "CalibrationError",
     "Camera",
     "Circle",
     "CircleFeature",
@@ -48,17 +59,21 @@ __all__ = [
     "Ellipse",
     "EllipseFeature",
     "EllipseLocalizer",
+    "Extraction",
     "ExtractionThresholds",
+    "FeatureSupport",
     "FileFormatError",
     "FilterParameters",
     "FocalpickError",
     "FragmentParameters",
+    "GraspCoordinates",
     "Grouping",
     "GroupingParameters",
     "InputError",
     "Localization",
     "Localizer",
     "MatchingParameters",
+    "Pattern",
     "PoseEstimate",
     "Region",
     "RegionAttributes",
@@ -86,30 +101,86 @@ __all__ = [
 ]
 
 _NAMES = {
-    "camera": ("Camera", "View"),
-    "candidates": ("Workspace",),
-    "circle_pose": ("Circle",),
-    "detector": ("detect_ellipses", "find_ellipses"),
-    "edges": ("EdgeMap", "EdgeParameters", "detect_edges"),
-    "ellipse": ("Ellipse",),
-    "ellipse_filter": ("FilterParameters",),
-    "errors": ("FileFormatError", "FocalpickError", "InputError", "ResourceError"),
-    "extraction_thresholds": ("ExtractionThresholds",),
-    "features": ("EllipseFeature", "RegionAttributes"),
-    "fragments": ("FragmentParameters",),
-    "grouping": ("Grouping", "GroupingParameters", "group_edges", "group_ellipses"),
-    "localizer": ("EllipseLocalizer", "Localization", "Localizer", "extract_features"),
-    "matching_parameters": ("MatchingParameters",),
-    "model_file": ("load_model", "save_model"),
-    "picture": ("read_picture",),
-    "pose": ("PoseEstimate",),
-    "quadtree": ("SplitAndMerge",),
-    "region_attributes": ("AttributeConstraints",),
-    "regions": ("BoundaryFit", "region_ellipses"),
-    "segmentation": ("Region", "RegionGrowing", "Segmentation", "segment"),
-    "superimposition": ("superimpose",),
-    "view_directory": ("load_views", "save_views"),
-    "vision_model": ("CircleFeature", "VisionModel"),
+    "drawing.superimpose": ("superimpose",),
+    "edges.edge_map": (
+        "EdgeMap",
+        "EdgeParameters",
+        "detect_edges",
+    ),
+    "errors": (
+        "FileFormatError",
+        "FocalpickError",
+        "InputError",
+        "ResourceError",
+    ),
+    "extraction": (
+        "Extraction",
+        "ExtractionThresholds",
+    ),
+    "features": (
+        "EllipseFeature",
+        "RegionAttributes",
+    ),
+    "files.picture": ("read_picture",),
+    "files.views": (
+        "load_views",
+        "save_views",
+    ),
+    "geometry.camera": (
+        "Camera",
+        "View",
+    ),
+    "geometry.circle": ("Circle",),
+    "geometry.ellipse": ("Ellipse",),
+    "geometry.workspace": ("Workspace",),
+    "grouping.detector": (
+        "detect_ellipses",
+        "find_ellipses",
+    ),
+    "grouping.edge_grouping": (
+        "Grouping",
+        "GroupingParameters",
+        "group_edges",
+        "group_ellipses",
+    ),
+    "grouping.fragments": ("FragmentParameters",),
+    "grouping.kalman_filter": ("FilterParameters",),
+    "localizer": (
+        "EllipseLocalizer",
+        "Localization",
+        "Localizer",
+        "extract_features",
+    ),
+    "matching.parameters": ("MatchingParameters",),
+    "model.model_file": (
+        "load_model",
+        "save_model",
+    ),
+    "model.vision_model": (
+        "AttributeRange",
+        "BoreCoordinates",
+        "CircleFeature",
+        "GraspCoordinates",
+        "Pattern",
+        "VisionModel",
+    ),
+    "pose.calibration": ("CalibrationError",),
+    "pose.estimate": (
+        "FeatureSupport",
+        "PoseEstimate",
+    ),
+    "regions.attributes": ("AttributeConstraints",),
+    "regions.quadtree": ("SplitAndMerge",),
+    "regions.region_ellipses": (
+        "BoundaryFit",
+        "region_ellipses",
+    ),
+    "regions.segmentation": (
+        "Region",
+        "RegionGrowing",
+        "Segmentation",
+        "segment",
+    ),
 }
 _HOME = {name: f"vision.{module}" for module, names in _NAMES.items() for name in names}
 

@@ -1,19 +1,81 @@
-"""Both extractors on one image: what each stage found, and the ellipses that go on to matching (Section 5)."""
+"""From a grey picture to ellipses and arcs: both extractors, and the thresholds that teaching adapts (Section 4)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.extraction_thresholds import ExtractionThresholds
+from vision.errors import InputError
 from vision.features import EllipseFeature, Process
-from vision.grouping import Grouping, group_edges
-from vision.region_attributes import AttributeConstraints
-from vision.regions import region_ellipses
-from vision.segmentation import Segmentation, segment
+from vision.grouping.edge_grouping import Grouping, GroupingParameters, group_edges
+from vision.regions.attributes import AttributeConstraints
+from vision.regions.quadtree import SplitAndMerge
+from vision.regions.region_ellipses import BoundaryFit, region_ellipses
+from vision.regions.segmentation import RegionGrowing, Segmentation, segment
+from vision.settings import POSITIVE, check
+
+Array = NDArray[np.float64]
+
+_GROUPING = GroupingParameters.for_model()
+
+
+@dataclass(frozen=True)
+class ExtractionThresholds:
+    """When something in the image counts as an edge, a region, a fragment or an ellipse.
+
+    The defaults are those of the extractors.
+
+    Attributes:
+        canny_low: region growing: lower hysteresis threshold of Canny, grey levels per pixel.
+        canny_high: region growing: upper one.
+        homogeneity: region growing: largest standard deviation of the grey level in a homogeneous block.
+        boundary_error_px: region growing: largest root mean square distance of a boundary to its ellipse.
+        noise_factor: edge grouping: Canny's upper threshold is at least this times the noise of the picture.
+        shortest_fragment_px: edge grouping: shorter fragments are dropped.
+        fitting_error_px: edge grouping: largest root mean square distance of edge points to their ellipse.
+    """
+
+    canny_low: float = RegionGrowing.edge_low
+    canny_high: float = RegionGrowing.edge_high
+    homogeneity: float = SplitAndMerge.max_deviation
+    boundary_error_px: float = BoundaryFit.max_rms_px
+    noise_factor: float = _GROUPING.edges.noise_factor
+    shortest_fragment_px: float = _GROUPING.fragments.min_length_px
+    fitting_error_px: float = _GROUPING.max_error_px
+
+    def __post_init__(self) -> None:
+        check(self, **{f.name: POSITIVE for f in fields(self)})
+        if self.canny_low > self.canny_high:
+            raise InputError(
+                "thresholds of Canny", got=(self.canny_low, self.canny_high), expected="canny_low <= canny_high"
+            )
+
+    @property
+    def growing(self) -> RegionGrowing:
+        """Settings of the segmentation."""
+        return RegionGrowing(
+            edge_low=self.canny_low,
+            edge_high=self.canny_high,
+            split_and_merge=SplitAndMerge(max_deviation=self.homogeneity),
+        )
+
+    @property
+    def boundary_fit(self) -> BoundaryFit:
+        """When the boundary of a region passes for an ellipse."""
+        return BoundaryFit(max_rms_px=self.boundary_error_px)
+
+    @property
+    def grouping(self) -> GroupingParameters:
+        """Settings of edge grouping."""
+        return replace(
+            _GROUPING,
+            edges=replace(_GROUPING.edges, noise_factor=self.noise_factor),
+            fragments=replace(_GROUPING.fragments, min_length_px=self.shortest_fragment_px),
+            max_error_px=self.fitting_error_px,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,3 +124,26 @@ def run_extractors(
         grouping = group_edges(gray, thresholds.grouping)
         found += grouping.features
     return Extraction(segmentation, constraints, grouping, tuple(found))
+
+
+@dataclass(frozen=True, eq=False)
+class Arc:
+    """A smooth convex piece of an edge.
+
+    Attributes:
+        points: (N, 2) pixels along the edge.
+        inwards: (N, 2) unit normals towards the inside of the curve.
+    """
+
+    points: Array
+    inwards: Array
+
+
+def arcs_of(grouping: Grouping, shortest_px: float) -> list[Arc]:
+    """The longest smooth convex fragments that edge grouping found, longest first."""
+    long = [f for f in grouping.fragments if len(f.points) >= shortest_px]
+    long.sort(key=lambda f: -len(f.points))
+    return [Arc(f.points, f.gradients if f.inside_brighter else -f.gradients) for f in long[:MOST_ARCS]]
+
+
+MOST_ARCS = 60

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.ellipse import Ellipse
+from vision.geometry.ellipse import Ellipse
 
 Process = Literal["region", "group"]
 

@@ -27,8 +27,8 @@ def settle() -> None:
 
 
 def digest(package: Path) -> str:
-    """Twelve hexadecimal digits that change with any source file of a package."""
+    """Twelve hexadecimal digits that change with any source file of a package and of the rooms in it."""
     total = hashlib.sha256()
-    for path in sorted(package.glob("*.py")):
-        total.update(path.name.encode() + b"\0" + path.read_bytes())
+    for path in sorted(package.rglob("*.py")):
+        total.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes())
     return total.hexdigest()[:12]

@@ -1,26 +1,92 @@
-"""The seam between the benchmark and a vision method: views in, poses out.  No localizer is ever given the truth."""
+"""The Localizer protocol, views in and poses out, and the localizer of this project. None is ever given the truth."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, get_args, runtime_checkable
 
 import numpy as np
 
-from vision.arcs import Arc, arcs_of
-from vision.camera import View
-from vision.candidates import Workspace
-from vision.evidence import EdgeField
-from vision.extraction import Extraction, run_extractors
-from vision.extraction_thresholds import ExtractionThresholds
+from vision.edges.edge_field import EdgeField
+from vision.errors import InputError
+from vision.extraction import Arc, Extraction, ExtractionThresholds, arcs_of, run_extractors
 from vision.features import EllipseFeature, Process
-from vision.localizer_arguments import checked_models, checked_parameters, checked_scene, processes_of
-from vision.matching import Matcher
-from vision.matching_parameters import MatchingParameters
-from vision.pose import PoseEstimate
-from vision.region_attributes import AttributeConstraints
-from vision.vision_model import VisionModel
+from vision.geometry.camera import View
+from vision.geometry.workspace import Workspace, depth_range
+from vision.matching.matcher import Matcher
+from vision.matching.parameters import MatchingParameters
+from vision.model.vision_model import VisionModel
+from vision.pose.estimate import PoseEstimate
+from vision.regions.attributes import AttributeConstraints
+
+T = TypeVar("T")
+
+PRESETS: dict[str, tuple[Process, ...]] = {"dual": ("region", "group"), "region": ("region",), "group": ("group",)}
+"""The paper's system, its predecessor [18], and edge grouping alone: which extractors each has."""
+
+
+def processes_of(choice: str | Sequence[str]) -> tuple[Process, ...]:
+    """The extractors that a preset's name stands for, or that are named one by one; region growing comes first.
+
+    Raises:
+        InputError: when there is no such preset or extractor, or none is named.
+    """
+    named = PRESETS.get(choice, ()) if isinstance(choice, str) else tuple(choice)
+    known: tuple[Process, ...] = get_args(Process)
+    if not named or not all(name in known for name in named):
+        expected = f"{', '.join(PRESETS)}, or a tuple with one or more of {', '.join(known)}"
+        raise InputError("extractors", got=repr(choice), expected=expected)
+    return tuple(process for process in known if process in named)
+
+
+def checked_models(models: Sequence[VisionModel]) -> tuple[VisionModel, ...]:
+    """The taught parts to look for.
+
+    Raises:
+        InputError: when there are none, or they are something else.
+    """
+    found = _sequence(models, VisionModel, "models", "Read one with vision.load_model(file).")
+    if not found:
+        raise InputError("models", got="none", expected="at least one taught model")
+    return found
+
+
+def checked_parameters(parameters: MatchingParameters | None) -> MatchingParameters:
+    """Settings of the matching, the default ones for None.
+
+    Raises:
+        InputError: when they are those of something else.
+    """
+    if not isinstance(parameters, MatchingParameters | None):
+        got = f"{type(parameters).__name__} object"
+        raise InputError("parameters of the localizer", got=got, expected="vision.MatchingParameters or None")
+    return parameters or MatchingParameters()
+
+
+def checked_scene(views: Sequence[View], workspace: Workspace | None) -> tuple[View, ...]:
+    """The views that a localizer is to look at.
+
+    Raises:
+        InputError: when they are not a sequence of views, or the workspace is none.
+    """
+    if not isinstance(workspace, Workspace | None):
+        raise InputError("workspace", got=f"{type(workspace).__name__} object", expected="a vision.Workspace or None")
+    return _sequence(views, View, "views", "Make one of image, camera and pose.")
+
+
+def _sequence(values: Iterable[T], kind: type[T], what: str, do: str) -> tuple[T, ...]:
+    expected = f"a sequence of vision.{kind.__name__} objects"
+    if isinstance(values, kind):
+        raise InputError(what, got=f"a single {kind.__name__}", expected=expected, do="Put it into a list.")
+    if not isinstance(values, Iterable):
+        raise InputError(what, got=f"{type(values).__name__} object", expected=expected, do=do)
+    found = tuple(values)
+    for value in found:
+        if not isinstance(value, kind):
+            raise InputError(what, got=f"{type(value).__name__} object", expected=expected, do=do)
+    return found
+
 
 GREY_SLACK = (0.1, 2.5)
 SMALLEST_AREA_SHARE = 0.05
@@ -158,13 +224,13 @@ class EllipseLocalizer:
     def _outline_px(self, view: View, workspace: Workspace) -> float:
         """Radius of the smallest part's outline at the far side of the workspace."""
         outlines = [max(f.circle.radius_m for f in m.salient) for m in self.models]
-        return view.camera.fx * min(outlines) / _depth_range(view, workspace)[1]
+        return view.camera.fx * min(outlines) / depth_range(view, workspace)[1]
 
     def _sizes_px(self, view: View, workspace: Workspace | None) -> tuple[float, float]:
         """The size constraint: how large the semi-major axis of any salient circle of any model can be from here."""
         if workspace is None:
             return 0.0, float("inf")
-        nearest, farthest = _depth_range(view, workspace)
+        nearest, farthest = depth_range(view, workspace)
         radii = [f.circle.radius_m for m in self.models for f in m.salient]
         fx = view.camera.fx
         return 0.85 * fx * min(radii) / farthest, 1.15 * fx * max(radii) / nearest
@@ -222,7 +288,7 @@ def attribute_constraints(
     """
     if workspace is None:
         return None
-    near, far = _depth_range(view, workspace)
+    near, far = depth_range(view, workspace)
     radii = [f.circle.radius_m for m in models for f in m.salient]
     smallest, largest = (np.pi * (view.camera.fx * r / z) ** 2 for r, z in ((min(radii), far), (max(radii), near)))
     taught = [dict(f.attributes).get("grey_mean") for m in models for f in m.salient]
@@ -237,16 +303,3 @@ def attribute_constraints(
         perimeter_px=(SMALLEST_PERIMETER_SHARE * 2 * np.sqrt(np.pi * smallest), np.inf),
         grey_mean=grey,
     )
-
-
-def _depth_range(view: View, workspace: Workspace) -> tuple[float, float]:
-    """Smallest and largest depth of the workspace's corners in a view, metres."""
-    T = view.T_world_camera.inv().as_matrix()
-    corners = [
-        (x, y, z)
-        for x in (workspace.low[0], workspace.high[0])
-        for y in (workspace.low[1], workspace.high[1])
-        for z in (workspace.low[2], workspace.high[2])
-    ]
-    depths = [float(T[2, :3] @ c + T[2, 3]) for c in corners]
-    return max(min(depths), 1e-3), max(depths)

@@ -45,7 +45,7 @@ def teach(out: OptionalPath = None) -> int:
     from benchmark.localizers import MODELS
     from benchmark.teaching import record
     from benchmark.world.parts import PART_NAMES
-    from vision.model_file import save_model
+    from vision.model.model_file import save_model
     from vision.teaching.session_file import replay, save_session
     from vision.teaching.view_directory import save_views
 

@@ -15,7 +15,7 @@ from vision.errors import InputError, ResourceError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from vision.vision_model import VisionModel
+    from vision.model.vision_model import VisionModel
 
 _PRESET = "(default: the preset's)"
 _LEFT_OUT = "(optional)"
@@ -40,7 +40,7 @@ def named_model(name: Path) -> VisionModel:
         FileFormatError: it is corrupt.
     """
     from benchmark.localizers import MODELS
-    from vision.model_file import load_model
+    from vision.model.model_file import load_model
 
     shipped = MODELS / f"{name}.json"
     return load_model(shipped if not name.suffix and not name.exists() and shipped.is_file() else name)

@@ -11,11 +11,11 @@ from benchmark.commands.common import named_model, print_line
 from vision.errors import InputError
 
 if TYPE_CHECKING:
-    from vision.camera import Camera
-    from vision.candidates import Workspace
-    from vision.drawing import Image
-    from vision.explain import Panel
-    from vision.vision_model import VisionModel
+    from vision.drawing.explain import Panel
+    from vision.drawing.strokes import Image
+    from vision.geometry.camera import Camera
+    from vision.geometry.workspace import Workspace
+    from vision.model.vision_model import VisionModel
 
 CONTACT_SHEET = "contact_sheet.png"
 LENS_PX_PER_WIDTH = 0.016 / 0.0048
@@ -57,8 +57,8 @@ def explain(
         depth_mm: between which distances from the camera parts can lie; they decide on which regions are pruned.
             Without them nothing is.
     """
-    from vision.drawing import contact_sheet
-    from vision.explain import explain as draw_stages
+    from vision.drawing.explain import explain as draw_stages
+    from vision.drawing.strokes import contact_sheet
 
     if model is None and (camera is not None or depth_mm is not None):
         option = "--camera" if camera is not None else "--depth-mm"
@@ -84,9 +84,9 @@ def _look_for(
     """Localise a part in a single picture, in the camera's frame, and draw how."""
     from scipy.spatial.transform import RigidTransform
 
-    from vision.camera import Camera, View
-    from vision.detector import halved
-    from vision.explain import explain_view
+    from vision.drawing.explain import explain_view
+    from vision.geometry.camera import Camera, View
+    from vision.grouping.detector import halved
     from vision.localizer import EllipseLocalizer
 
     height, width = rgb.shape[:2]
@@ -102,7 +102,7 @@ def _look_for(
 
 def _workspace(camera: Camera, depths_mm: tuple[float, float] | None) -> Workspace | None:
     """What a camera sees between two distances in millimetres, in its own frame; None where they are not known."""
-    from vision.candidates import Workspace
+    from vision.geometry.workspace import Workspace
 
     if depths_mm is None:
         return None
@@ -132,10 +132,10 @@ def _usual_depths(model: VisionModel) -> tuple[float, float] | None:
 
 
 def _read(path: Path) -> Image:
-    """An image file as RGB; errors as of :func:`vision.picture.read_picture`."""
+    """An image file as RGB; errors as of :func:`vision.files.picture.read_picture`."""
     import cv2
 
-    from vision.picture import read_picture
+    from vision.files.picture import read_picture
 
     image = read_picture(path)
     return image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2RGB)

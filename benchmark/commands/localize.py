@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from vision.camera import View
-    from vision.candidates import Workspace
-    from vision.pose import PoseEstimate
-    from vision.vision_model import VisionModel
+    from vision.geometry.camera import View
+    from vision.geometry.workspace import Workspace
+    from vision.model.vision_model import VisionModel
+    from vision.pose.estimate import PoseEstimate
 
 
 def localize(
@@ -55,7 +55,7 @@ def localize(
         format: table for the terminal, json for programs, in metres and radians and with the whole covariance.
     """
     from benchmark.localizers import make_localizer
-    from vision.view_directory import load_views
+    from vision.files.views import load_views
 
     models = _models(part, model)
     box = None if workspace is None else _box(workspace)
@@ -78,7 +78,7 @@ def localize(
 def _models(part: str | None, files: Sequence[Path]) -> list[VisionModel]:
     from benchmark.commands.common import split_parts
     from benchmark.localizers import load_model as load_shipped
-    from vision.model_file import load_model
+    from vision.model.model_file import load_model
 
     if (part is None) == (not files):
         got = "neither" if part is None else "both"
@@ -88,7 +88,7 @@ def _models(part: str | None, files: Sequence[Path]) -> list[VisionModel]:
 
 
 def _box(numbers: Sequence[float]) -> Workspace:
-    from vision.candidates import Workspace
+    from vision.geometry.workspace import Workspace
 
     x0, y0, z0, x1, y1, z1 = numbers
     return Workspace((x0, y0, z0), (x1, y1, z1))
@@ -146,7 +146,7 @@ def _draw(
     """
     import cv2
 
-    from vision.superimposition import superimpose
+    from vision.drawing.superimpose import superimpose
 
     try:
         directory.mkdir(parents=True, exist_ok=True)

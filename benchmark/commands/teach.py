@@ -70,7 +70,7 @@ def teach(
 
 
 def _replay(session: Path, out: Path | None) -> int:
-    from vision.model_file import model_to_json, save_model
+    from vision.model.model_file import model_to_json, save_model
     from vision.teaching.session_file import replay
 
     model = replay(session)

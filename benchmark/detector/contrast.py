@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.ellipse import Ellipse
+from vision.geometry.ellipse import Ellipse
 
 Array = NDArray[np.float64]
 

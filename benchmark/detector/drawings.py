@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from benchmark.detector.contrast import FAINT_CONTRAST, VISIBLE_CONTRAST, steps_across
 from benchmark.detector.photographs import PHOTOGRAPHIC, compose
 from benchmark.detector.surfaces import letters_without_rings
-from vision.ellipse import Ellipse
 from vision.errors import InputError
+from vision.geometry.ellipse import Ellipse
 
 Array = NDArray[np.float64]
 

@@ -22,8 +22,8 @@ from benchmark.detector.drawings import CATEGORIES, RENDERED, SPLITS, Drawing, d
 from benchmark.detector.public import PUBLIC, Detector, public_detector
 from benchmark.world import gl
 from vision import detect_ellipses
-from vision.ellipse import Ellipse, overlap
 from vision.errors import ResourceError
+from vision.geometry.ellipse import Ellipse, overlap
 
 OURS = "focalpick"
 MIN_OVERLAP = 0.8

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from benchmark.detector.surfaces import Texture, letters_without_rings, textured
-from vision.ellipse import Ellipse
-from vision.ellipse_filter import distances
+from vision.geometry.ellipse import Ellipse
+from vision.grouping.kalman_filter import distances
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from benchmark.detector.objects import NOBODY, Picture, add_object, random_outline
 from benchmark.detector.surfaces import TEXTURES, dead_leaves, leaf
-from vision.ellipse import Ellipse
+from vision.geometry.ellipse import Ellipse
 
 Array = NDArray[np.float64]
 

@@ -22,9 +22,9 @@ from benchmark.detector.solids import GRAIN, Solid, random_block, random_sphere,
 from benchmark.detector.surfaces import TEXTURES, dead_leaves, textured
 from benchmark.world import gl
 from benchmark.world.sensor import mujoco_quaternion
-from vision.camera import Camera, View
-from vision.circle_pose import Circle, project_circle
-from vision.ellipse import Ellipse
+from vision.geometry.camera import Camera, View
+from vision.geometry.circle import Circle, project_circle
+from vision.geometry.ellipse import Ellipse
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from vision.circle_pose import Circle
+from vision.geometry.circle import Circle
 
 Array = NDArray[np.float64]
 

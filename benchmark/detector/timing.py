@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from benchmark.report.grid import Grid
 from benchmark.stage_clock import Place, StageClock
-from vision import detector, grouping
-from vision.edges import as_gray
+from vision.edges.edge_map import as_gray
 from vision.errors import InputError
-from vision.picture import read_picture
+from vision.files.picture import read_picture
+from vision.grouping import detector
+from vision.grouping import edge_grouping as grouping
 
 TARGET_MS = 20.0
 """For a photograph of 640x480 pixels."""

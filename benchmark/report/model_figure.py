@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from vision.errors import InputError
-from vision.vision_model import CircleFeature, GraspCoordinates, Pattern, VisionModel
+from vision.model.vision_model import CircleFeature, GraspCoordinates, Pattern, VisionModel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

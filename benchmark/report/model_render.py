@@ -12,7 +12,7 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from vision.features import RegionAttributes
-from vision.vision_model import CircleFeature, VisionModel
+from vision.model.vision_model import CircleFeature, VisionModel
 
 EXTRACTOR_TITLES = {"region": "region growing", "group": "edge grouping"}
 NOTHING = "-"

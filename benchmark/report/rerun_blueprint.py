@@ -7,7 +7,7 @@ import rerun.blueprint as rrb
 
 from benchmark.report.rerun_scene import TIME
 from benchmark.world.scene import CellConfig
-from vision.explain import PANELS
+from vision.drawing.explain import PANELS
 
 VIEWS, LOCALIZED = "world/views", "world/localized"
 OUTCOME, ERRORS, EVENTS, CHARTS = "outcome", "errors", "events", "charts"
@@ -31,7 +31,7 @@ def view_entity(index: int) -> str:
 
 
 def stage_entity(index: int, panel: str) -> str:
-    """The entity path of a panel of a viewpoint, one of :data:`vision.explain.PANELS`."""
+    """The entity path of a panel of a viewpoint, one of :data:`vision.drawing.explain.PANELS`."""
     return f"{view_entity(index)}/explain/{panel}"
 
 

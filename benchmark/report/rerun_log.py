@@ -29,8 +29,8 @@ from benchmark.report.rerun_blueprint import (
 )
 from benchmark.report.rerun_scene import STAGE, TIME, Motion, log_geometry
 from benchmark.world.cell import WorkCell
-from vision.camera import View
-from vision.drawing import (
+from vision.drawing.explain import explain_view
+from vision.drawing.strokes import (
     SALIENT_COLOUR,
     Colour,
     Image,
@@ -41,12 +41,12 @@ from vision.drawing import (
     region_strokes,
 )
 from vision.errors import InputError
-from vision.explain import explain_view
 from vision.extraction import Extraction
+from vision.geometry.camera import View
 from vision.localizer import EllipseLocalizer, Localization
-from vision.model_contour import ModelContour
-from vision.pose import PoseEstimate
-from vision.vision_model import VisionModel
+from vision.model.contour import ModelContour
+from vision.model.vision_model import VisionModel
+from vision.pose.estimate import PoseEstimate
 
 Array = NDArray[np.float64]
 

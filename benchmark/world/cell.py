@@ -18,8 +18,8 @@ from benchmark.world.sensor import Appearance, SensorConfig
 from robot.arm import Arm
 from robot.kinematics import HOME_Q, ArmKinematics
 from robot.trajectory import Trajectory, joint_trajectory
-from vision.camera import Camera, View
 from vision.errors import InputError
+from vision.geometry.camera import Camera, View
 
 Array = NDArray[np.float64]
 

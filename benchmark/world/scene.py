@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from benchmark.world import gl
 from benchmark.world.parts import Part, get_part
-from vision.camera import Camera
 from vision.errors import InputError, ResourceError
+from vision.geometry.camera import Camera
 
 if TYPE_CHECKING:
     from dm_control import mjcf

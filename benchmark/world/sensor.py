@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.calibration_error import CalibrationError
-from vision.camera import Camera
 from vision.errors import InputError
+from vision.geometry.camera import Camera
+from vision.pose.calibration import CalibrationError
 
 Array = NDArray[np.float64]
 Distortion = tuple[float, float, float, float, float]

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmark.world import gl
 from benchmark.world.sensor import SensorConfig, capture, mujoco_quaternion
-from vision.camera import Camera, View
+from vision.geometry.camera import Camera, View
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from benchmark.metrics import HALF_VISIBLE
 from benchmark.world.parts import PART_NAMES
 from tests.parts.belt_pulley import HOLES, MESH, RIMS
 from tests.parts.taught_pulley import recorded
-from vision.model_file import model_from_json, model_to_json, save_model
+from vision.model.model_file import model_from_json, model_to_json, save_model
 from vision.teaching.session import build_model
 
 pytestmark = pytest.mark.slow

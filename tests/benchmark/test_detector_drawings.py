@@ -5,7 +5,7 @@ from benchmark.detector.drawings import Drawing, draw
 from benchmark.detector.evaluate import Tally, judge
 from benchmark.detector.objects import Picture
 from benchmark.detector.surfaces import clouds
-from vision.ellipse import Ellipse
+from vision.geometry.ellipse import Ellipse
 
 
 @pytest.fixture

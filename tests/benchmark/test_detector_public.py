@@ -7,8 +7,8 @@ import pytest
 
 from benchmark.detector.evaluate import evaluate
 from benchmark.detector.public import PUBLIC, from_edge_drawing, from_find_ellipses, public_detector
-from vision.ellipse import Ellipse
 from vision.errors import InputError, ResourceError
+from vision.geometry.ellipse import Ellipse
 
 without_contrib = pytest.mark.skipif(hasattr(cv2, "ximgproc"), reason="OpenCV has its extra modules here")
 with_contrib = pytest.mark.skipif(not hasattr(cv2, "ximgproc"), reason="needs opencv-contrib-python-headless")

@@ -11,10 +11,10 @@ from benchmark.detector.evaluate import drawable
 from benchmark.detector.renders import compose
 from benchmark.detector.solids import random_stack, sphere_outline
 from vision import detect_ellipses
-from vision.camera import Camera, View
-from vision.circle_pose import Circle, project_circle
-from vision.ellipse import Ellipse
 from vision.errors import ResourceError
+from vision.geometry.camera import Camera, View
+from vision.geometry.circle import Circle, project_circle
+from vision.geometry.ellipse import Ellipse
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,10 @@ from benchmark import cli
 from benchmark.localizers import MODELS, load_model
 from benchmark.report.rerun_blueprint import stage_entity
 from benchmark.report.rerun_log import RerunLog
-from vision.camera import Camera, View
-from vision.explain import MODEL_FREE_PANELS, PANELS
+from vision.drawing.explain import MODEL_FREE_PANELS, PANELS
+from vision.geometry.camera import Camera, View
 from vision.localizer import EllipseLocalizer
-from vision.model_contour import ModelContour
+from vision.model.contour import ModelContour
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ import pytest
 
 from benchmark import cli
 from tests.vision.conftest import photograph, plate, pose  # noqa: F401
-from vision.model_file import save_model
-from vision.view_directory import save_views
+from vision.files.views import save_views
+from vision.model.model_file import save_model
 
 BOX = ["--workspace", "-0.08", "-0.08", "-0.03", "0.08", "0.08", "0.03"]
 

@@ -13,9 +13,9 @@ from scipy.spatial.transform import RigidTransform
 import benchmark.localizers
 from benchmark.config import EpisodeConfig
 from benchmark.localizers import load_model, make_localizer, with_answers_alone
-from vision.calibration_error import CalibrationError
 from vision.errors import InputError
 from vision.localizer import EllipseLocalizer, Localization
+from vision.pose.calibration import CalibrationError
 
 
 class Blind:

@@ -22,7 +22,7 @@ from benchmark.world.parts import get_part, vertices
 from benchmark.world.scene import build_model, cell_config
 from tests.parts import belt_pulley
 from vision.errors import FileFormatError, InputError, ResourceError
-from vision.model_file import save_model
+from vision.model.model_file import save_model
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -14,7 +14,7 @@ from benchmark.localizers import MODELS, load_model
 from benchmark.report.model_figure import draw_model, save_model_figure
 from benchmark.report.model_render import print_model
 from vision.errors import InputError
-from vision.extraction_thresholds import ExtractionThresholds
+from vision.extraction import ExtractionThresholds
 
 
 def printed(model):

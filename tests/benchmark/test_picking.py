@@ -17,7 +17,7 @@ from benchmark.world.scene import cell_config
 from benchmark.world.sensor import SENSORS
 from robot.gripper_geometry import PARALLEL_GRIPPER
 from robot.viewpoints import reachable_viewpoints
-from vision.pose import PoseEstimate
+from vision.pose.estimate import PoseEstimate
 
 
 @pytest.fixture(scope="module", params=PART_NAMES)

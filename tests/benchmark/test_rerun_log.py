@@ -12,8 +12,8 @@ from benchmark.evaluation import Verdict
 from benchmark.records import EpisodeRecord, PickRecord, PieceRecord, PoseErrors, ProcessResult
 from benchmark.report.rerun_blueprint import LAYERS, stage_entity, view_entity
 from benchmark.report.rerun_log import errors_text, outcome_text, record_episode, summary
+from vision.drawing.explain import PANELS
 from vision.errors import InputError
-from vision.explain import PANELS
 
 CONFIG = EpisodeConfig(("cover2",), pieces=2, seed=3, views=2)
 

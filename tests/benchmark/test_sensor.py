@@ -23,9 +23,9 @@ from benchmark.world.sensor import (
     sample_repeatability_error,
     sensor_config,
 )
-from vision.calibration_error import CalibrationError
-from vision.camera import Camera
 from vision.errors import InputError
+from vision.geometry.camera import Camera
+from vision.pose.calibration import CalibrationError
 
 CAMERA = Camera.from_lens(0.016, (0.0048, 0.0036), (640, 480))
 IDEAL, LAB, SHOPFLOOR = (SENSORS[name] for name in ("ideal", "lab", "shopfloor"))

@@ -13,8 +13,8 @@ from benchmark.taught_circles import circle_errors, study_circles
 from benchmark.variant import Variant
 from benchmark.variant_models import model_path
 from benchmark.world.parts import get_part
-from vision.circle_pose import Circle
-from vision.model_file import save_model
+from vision.geometry.circle import Circle
+from vision.model.model_file import save_model
 
 TAUGHT = Variant(click_sigma_px=1, taught_views=5)
 CONFIG = SweepConfig(("cover1", "cover2"), variants=(TAUGHT, Variant(click_sigma_px=2, taught_views=5)))

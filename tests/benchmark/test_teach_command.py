@@ -10,7 +10,7 @@ import pytest
 from benchmark.cli import main
 from benchmark.teaching_services import open_mesh, open_part, open_views
 from benchmark.world.parts import get_part
-from vision.model_file import model_to_json
+from vision.model.model_file import model_to_json
 from vision.teaching.editor.server import listen
 from vision.teaching.editor.services import Services
 from vision.teaching.session import digests

@@ -11,7 +11,7 @@ import pytest
 from benchmark.localizers import MODELS, load_model
 from benchmark.teaching import Operator, record, teach
 from benchmark.world.parts import get_part
-from vision.model_file import model_to_json
+from vision.model.model_file import model_to_json
 from vision.teaching.session_file import load_session
 from vision.teaching.view_directory import load_views
 

@@ -11,7 +11,7 @@ from benchmark.localizers import load_model
 from benchmark.trial import FALSE_COLOUR, MISSED_COLOUR, try_in_views, try_model
 from tests.parts.belt_pulley import MESH
 from tests.parts.taught_pulley import recorded
-from vision.drawing import SALIENT_COLOUR
+from vision.drawing.strokes import SALIENT_COLOUR
 from vision.errors import InputError
 from vision.teaching.session import build_model
 

@@ -14,10 +14,10 @@ from benchmark.config import EpisodeConfig
 from benchmark.localizer_error import LocalizerError
 from benchmark.localizers import load_model, make_localizer
 from benchmark.sweep import failed_episode
-from vision.camera import Camera, View
 from vision.errors import InputError
+from vision.geometry.camera import Camera, View
 from vision.localizer import Localization
-from vision.pose import PoseEstimate
+from vision.pose.estimate import PoseEstimate
 
 VIEW = View(np.zeros((4, 5), np.uint8), Camera(5, 4, 5.0, 5.0, 2.0, 1.5), RigidTransform.identity())
 

@@ -16,7 +16,7 @@ from benchmark.variant import Variant
 from benchmark.variant_models import Untaught, model_path, refusals, taught_models, teach_variants
 from vision.errors import InputError
 from vision.localizer import Localizer
-from vision.model_file import model_to_json
+from vision.model.model_file import model_to_json
 
 GOOD, BAD = Variant(click_sigma_px=1, taught_views=5), Variant(click_sigma_px=5, taught_views=2)
 CONFIG = SweepConfig(("cover1",), scenes=1, task="none", seed=4, variants=(Variant(hand_eye_mm=1), GOOD, BAD))

@@ -17,10 +17,11 @@ from benchmark.detector.timing import TOTAL as DETECTOR_TOTAL
 from benchmark.report.grid import print_grids
 from benchmark.stage_clock import StageClock
 from benchmark.vision_timing import STAGES, TOTAL, Scene, photograph, time_scene, timing_grid
-from vision import detector, localizer
-from vision.camera import Camera, View
-from vision.candidates import Workspace
+from vision import localizer
 from vision.errors import InputError
+from vision.geometry.camera import Camera, View
+from vision.geometry.workspace import Workspace
+from vision.grouping import detector
 
 CAMERA = Camera(640, 480, 2133, 2133, 319.5, 239.5)
 ABOVE = RigidTransform.from_components([0.0, 0.0, 0.4], Rotation.from_euler("x", np.pi))

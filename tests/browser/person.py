@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import Locator, Page
 
-from vision.camera import View
-from vision.circle_pose import Circle, project_circle
+from vision.geometry.camera import View
+from vision.geometry.circle import Circle, project_circle
 
 CHROMIUM = next(
     (p for p in ("/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome") if Path(p).exists()), ""

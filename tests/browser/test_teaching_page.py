@@ -12,7 +12,7 @@ from playwright.sync_api import Dialog, Page, expect
 
 from benchmark.world.parts import get_part
 from tests.browser.person import Person, Program
-from vision.circle_pose import Circle, project_circle
+from vision.geometry.circle import Circle, project_circle
 from vision.teaching.session import Session
 from vision.teaching.session_file import load_session
 

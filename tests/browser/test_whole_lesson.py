@@ -13,11 +13,11 @@ from benchmark.teaching import Operator, record
 from benchmark.trial import try_model
 from tests.browser.apprentice import repeat
 from tests.browser.person import Person, Program
-from vision.model_file import load_model, model_to_json
+from vision.model.model_file import load_model, model_to_json
+from vision.model.vision_model import VisionModel
 from vision.teaching.session import Session
 from vision.teaching.session_file import load_session, replay
 from vision.teaching.view_directory import save_views
-from vision.vision_model import VisionModel
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 

@@ -8,7 +8,7 @@ from functools import cache
 from benchmark.teaching import Operator, record
 from benchmark.world.parts import Part, Rim, get_part
 from tests.parts.belt_pulley import MESH, RIMS
-from vision.camera import View
+from vision.geometry.camera import View
 from vision.teaching.session import Session
 
 

@@ -7,8 +7,8 @@ from robot.errors import UnreachableError
 from robot.gripper_geometry import GripperGeometry
 from robot.kinematics import ArmKinematics
 from robot.viewpoints import footprint, look_at, reachable_viewpoints, stations, viewpoints
-from vision.camera import Camera
 from vision.errors import InputError
+from vision.geometry.camera import Camera
 
 CAMERA = Camera.from_lens(0.016, (0.0048, 0.0036), (640, 480))
 BIN = np.array([0.75, 0.0, 0.13])

@@ -9,10 +9,10 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.special import ndtr
 
-from vision.camera import Camera, View
-from vision.circle_pose import Circle
-from vision.model_contour import ModelContour
-from vision.vision_model import CircleFeature, VisionModel
+from vision.geometry.camera import Camera, View
+from vision.geometry.circle import Circle
+from vision.model.contour import ModelContour
+from vision.model.vision_model import CircleFeature, VisionModel
 
 CAMERA = Camera.from_lens(0.016, (0.0048, 0.0036), (640, 480))
 DISTANCE_M = 0.5

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from vision.camera import View
-from vision.circle_pose import project_circle
-from vision.ellipse import overlap
 from vision.errors import InputError
-from vision.extraction_thresholds import ExtractionThresholds
+from vision.extraction import ExtractionThresholds
+from vision.geometry.camera import View
+from vision.geometry.circle import project_circle
+from vision.geometry.ellipse import overlap
 from vision.localizer import extract_features
 from vision.teaching.adaptation import propose_thresholds
 from vision.teaching.lesson import Lesson, TaughtFeature

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.arcs import Arc, arc_poses, arcs_of
-from vision.camera import camera_arrays
-from vision.candidates import SalientCircles, Workspace
-from vision.circle_pose import project_circle
-from vision.grouping import GroupingParameters, group_edges
+from vision.extraction import Arc, arcs_of
+from vision.geometry.camera import camera_arrays
+from vision.geometry.circle import project_circle
+from vision.geometry.workspace import Workspace
+from vision.grouping.edge_grouping import GroupingParameters, group_edges
+from vision.matching.arcs import arc_poses
+from vision.model.vision_model import SalientCircles
 
 WORKSPACE = Workspace((-0.06, -0.06, -0.02), (0.06, 0.06, 0.03))
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.body import cover, share_inside
-from vision.candidates import SalientCircles
+from vision.model.solid import cover, share_inside
+from vision.model.vision_model import SalientCircles
 
 
 def test_a_plate_covers_its_disc_at_its_own_depth_and_nothing_else(plate, photograph, pose):

@@ -9,12 +9,13 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 
-from vision.calibration_error import CalibrationError
-from vision.candidates import Workspace
 from vision.errors import InputError
+from vision.geometry.workspace import Workspace
 from vision.localizer import EllipseLocalizer
-from vision.matching_parameters import MatchingParameters
-from vision.pose import Observations, refine_pose
+from vision.matching.parameters import MatchingParameters
+from vision.pose.calibration import CalibrationError
+from vision.pose.observations import Observations
+from vision.pose.refinement import refine_pose
 
 SHOPFLOOR = CalibrationError(0.5e-3, np.radians(0.1), 0.1e-3, 0.2)
 SOURCES = {

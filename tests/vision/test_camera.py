@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.camera import Camera, View
 from vision.errors import InputError
+from vision.geometry.camera import Camera, View
 
 BENT = (-0.2, 0.05, 0.001, -0.002, 0.0)
 

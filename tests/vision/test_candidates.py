@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.camera import camera_arrays
-from vision.candidates import SalientCircles, Workspace, find_candidates, poses_of
-from vision.circle_pose import circle_poses, project_circle
-from vision.ellipse_table import EllipseTable
 from vision.errors import InputError
 from vision.features import EllipseFeature
-from vision.voting import predict_circle, votes_of
+from vision.geometry.camera import camera_arrays
+from vision.geometry.circle import circle_poses, project_circle
+from vision.geometry.workspace import Workspace
+from vision.matching.candidates import find_candidates, poses_of
+from vision.matching.votes import EllipseTable, predict_circle, votes_of
+from vision.model.vision_model import SalientCircles
 
 WORKSPACE = Workspace((-0.06, -0.06, -0.03), (0.06, 0.06, 0.03))
 

@@ -3,8 +3,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.camera import Camera, View
-from vision.circle_pose import Circle, circle_poses, plane_axes, project_circle
+from vision.geometry.camera import Camera, View
+from vision.geometry.circle import Circle, circle_poses, plane_axes, project_circle
 
 CAMERA = Camera.from_lens(0.016, (0.0048, 0.0036), (640, 480))
 coordinate = st.floats(-0.1, 0.1)

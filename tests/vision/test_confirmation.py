@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.confirmation import SceneEdges, turned
-from vision.evidence import EdgeField
-from vision.model_contour import ModelContour
+from vision.edges.edge_field import EdgeField
+from vision.matching.scene_edges import SceneEdges, turned
+from vision.model.contour import ModelContour
 
 SCALE = 4200.0
 FLIP = RigidTransform.from_rotation(Rotation.from_euler("x", 180, degrees=True))
@@ -103,7 +103,7 @@ def test_rotation_about_the_axis_is_found_from_any_start(start_deg, front, photo
 
 @pytest.mark.parametrize("least", [1, 40, 97])
 def test_one_copy_looked_at_all_round_tells_what_all_copies_do(least, front, photograph, plate, monkeypatch):
-    monkeypatch.setattr("vision.model_contour.INPLANE_STRIDE", 1)
+    monkeypatch.setattr("vision.model.contour.INPLANE_STRIDE", 1)
     scene, contour = edges_of(photograph([front])), ModelContour.of(plate, SCALE)
     support = scene.inplane_support_all_round(front.as_matrix(), contour, 3, least)
     n = 3 * len(support)

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from vision.contour_tracing import trace_contours
+from vision.regions.contours import trace_contours
 
 
 def traced(labels, label):

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from vision.camera import Camera, View
-from vision.drawing import (
+from vision.drawing.strokes import (
     PROCESS_COLOURS,
     TICK_PX,
     Strokes,
@@ -24,12 +23,13 @@ from vision.drawing import (
     plain_strokes,
     region_strokes,
 )
-from vision.ellipse import Ellipse
 from vision.errors import InputError
 from vision.features import EllipseFeature
-from vision.grouping import group_edges
-from vision.model_contour import ModelContour
-from vision.segmentation import segment
+from vision.geometry.camera import Camera, View
+from vision.geometry.ellipse import Ellipse
+from vision.grouping.edge_grouping import group_edges
+from vision.model.contour import ModelContour
+from vision.regions.segmentation import segment
 
 CENTRE, RADIUS = (60.0, 50.0), 30.0
 

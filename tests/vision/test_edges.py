@@ -6,9 +6,9 @@ import pytest
 from scipy.stats import norm
 
 from benchmark.detector.drawings import fill_ellipse
-from vision.edges import EdgeParameters, as_gray, detect_edges
-from vision.ellipse import Ellipse
+from vision.edges.edge_map import EdgeParameters, as_gray, detect_edges
 from vision.errors import InputError
+from vision.geometry.ellipse import Ellipse
 
 
 def drawn(ellipse, size=(240, 320), dark=60.0, bright=160.0):

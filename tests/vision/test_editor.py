@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.circle_pose import Circle, project_circle
-from vision.ellipse import Ellipse
 from vision.errors import InputError
-from vision.extraction_thresholds import ExtractionThresholds
+from vision.extraction import ExtractionThresholds
+from vision.geometry.circle import Circle, project_circle
+from vision.geometry.ellipse import Ellipse
+from vision.model.vision_model import Pattern
 from vision.teaching import events as ev
 from vision.teaching.editor.acts import event_of_act
 from vision.teaching.editor.autosave import Autosave
@@ -28,7 +29,6 @@ from vision.teaching.editor.workers import StoppedError, Worker
 from vision.teaching.lesson import locate
 from vision.teaching.session import Session
 from vision.teaching.session_file import load_session
-from vision.vision_model import Pattern
 
 UPRIGHT = RigidTransform.identity()
 

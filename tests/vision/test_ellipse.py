@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vision.ellipse import Ellipse, focal_jacobian, focal_residual, overlap
-from vision.ellipse_filter import fit_ellipse
 from vision.errors import InputError
+from vision.geometry.ellipse import Ellipse, focal_jacobian, focal_residual, overlap
+from vision.grouping.kalman_filter import fit_ellipse
 
 ellipses = st.builds(
     lambda x, y, a, ratio, angle: Ellipse.from_geometric(x, y, a, a * ratio, angle),

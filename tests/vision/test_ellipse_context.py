@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from vision.ellipse import Ellipse
-from vision.ellipse_context import concentric_support
-from vision.ellipse_score import in_context
+from vision.geometry.ellipse import Ellipse
+from vision.grouping.score import concentric_support, in_context
 
 RIM = (100.0, 80.0, 50.0, 30.0, 0.4)
 

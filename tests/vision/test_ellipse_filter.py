@@ -4,9 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from vision.ellipse import Ellipse
-from vision.ellipse_filter import FilterParameters, distances, fit_ellipse, moment_estimate, unshrink
 from vision.errors import InputError
+from vision.geometry.ellipse import Ellipse
+from vision.grouping.kalman_filter import FilterParameters, distances, fit_ellipse, moment_estimate, unshrink
 
 NOISE_PX = 0.1
 

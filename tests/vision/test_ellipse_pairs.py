@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vision import ellipse
-from vision.ellipse import Ellipse
-from vision.ellipse_pairs import is_known, largest_distance, overlap
+from vision.geometry import ellipse
+from vision.geometry.ellipse import Ellipse
+from vision.grouping.duplicates import is_known, largest_distance, overlap
 
 ellipses = st.builds(
     lambda x, y, a, ratio, angle: Ellipse.from_geometric(x, y, a, a * ratio, angle),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from vision.evidence import EdgeField, _interpolate
+from vision.edges.edge_field import EdgeField, _interpolate
 
 SIZE = (120, 160)
 

@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 import pytest
 
-from vision.candidates import Workspace
-from vision.detector import detect_ellipses
-from vision.explain import MODEL_FREE_PANELS, PANELS, explain, explain_view
-from vision.grouping import group_edges
+from vision.drawing.explain import MODEL_FREE_PANELS, PANELS, explain, explain_view
+from vision.drawing.panel import with_legend
+from vision.drawing.stage_panels import HALF_RESOLUTION_COLOUR, PRUNED_COLOURS, WHITE, support_colour
+from vision.geometry.workspace import Workspace
+from vision.grouping.detector import detect_ellipses
+from vision.grouping.edge_grouping import group_edges
 from vision.localizer import EllipseLocalizer
-from vision.panel import with_legend
-from vision.stages import HALF_RESOLUTION_COLOUR, PRUNED_COLOURS, WHITE, support_colour
 
 WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from vision.errors import InputError
-from vision.extraction_thresholds import ExtractionThresholds
-from vision.grouping import GroupingParameters
+from vision.extraction import ExtractionThresholds
+from vision.grouping.edge_grouping import GroupingParameters
 from vision.localizer import EllipseLocalizer, common_thresholds, extract_features
-from vision.regions import BoundaryFit
-from vision.segmentation import RegionGrowing
+from vision.regions.region_ellipses import BoundaryFit
+from vision.regions.segmentation import RegionGrowing
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.feature_support import FeatureSupport, features_supported
-from vision.model_contour import ModelContour
+from vision.model.contour import ModelContour
+from vision.pose.estimate import FeatureSupport, features_supported
 
 
 def test_copies_in_sight_are_counted_and_averaged() -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.ellipse import Ellipse
-from vision.ellipse_filter import fit_ellipse
+from vision.drawing.filter_history import filter_history
 from vision.errors import InputError
-from vision.filter_history import filter_history
+from vision.geometry.ellipse import Ellipse
+from vision.grouping.kalman_filter import fit_ellipse
 
 
 def noisy(seed, n=200, sigma=0.3):

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from benchmark.detector.drawings import fill_ellipse
-from vision.edges import detect_edges
-from vision.ellipse import Ellipse
+from vision.edges.edge_map import detect_edges
 from vision.errors import InputError
-from vision.fragments import FragmentParameters, extract_fragments
+from vision.geometry.ellipse import Ellipse
+from vision.grouping.fragments import FragmentParameters, extract_fragments
 
 
 def fragments_of(image):

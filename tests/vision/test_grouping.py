@@ -9,11 +9,11 @@ from benchmark.detector.drawings import draw, fill_ellipse
 from benchmark.detector.evaluate import Tally, judge, match
 from benchmark.detector.photographs import PHOTOGRAPHIC
 from vision import GroupingParameters, detect_edges, detect_ellipses, find_ellipses, group_edges, group_ellipses
-from vision.detector import halved
-from vision.ellipse import Ellipse, overlap
 from vision.errors import InputError
-from vision.regions import region_ellipses
-from vision.segmentation import segment
+from vision.geometry.ellipse import Ellipse, overlap
+from vision.grouping.detector import halved
+from vision.regions.region_ellipses import region_ellipses
+from vision.regions.segmentation import segment
 
 
 def photograph(*painted, size=(480, 640), ground=90.0, noise=2.0, seed=0):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.camera import Camera, View
-from vision.circle_pose import Circle, project_circle
+from vision.geometry.camera import Camera, View
+from vision.geometry.circle import Circle, project_circle
 from vision.teaching.guides import click_errors, epipolar_curve, faces, predict_circle, predict_ellipse
 
 UPRIGHT = RigidTransform.identity()

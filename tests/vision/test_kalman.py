@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 
-from vision import kalman
-from vision.ellipse import Ellipse, focal_jacobian, focal_residual
-from vision.ellipse_filter import distances
+from vision.geometry.ellipse import Ellipse, focal_jacobian, focal_residual
+from vision.grouping import kalman_filter
+from vision.grouping.kalman_filter import distances
 
 
 def arc(semi_major, semi_minor, rng, n=80, part=1.0):
@@ -34,7 +34,7 @@ def test_the_information_form_gives_the_update_of_the_textbook(axes, part):
     truth, points = arc(*axes, rng, part=part)
     prior = truth.p + rng.normal(0, 0.5, 5)
     estimate = np.empty(5)
-    covariance = kalman.update(prior, prior, 20.0, points, np.ones(len(points), bool), 0.2, estimate)
+    covariance = kalman_filter.update(prior, prior, 20.0, points, np.ones(len(points), bool), 0.2, estimate)
     expected, expected_covariance = textbook_update(prior, 20.0, points, 0.2)
     assert np.allclose(estimate, expected, atol=1e-6)
     assert np.allclose(covariance, expected_covariance, atol=1e-6 * expected_covariance.max())
@@ -48,8 +48,8 @@ def test_points_that_are_left_out_change_nothing():
     with_all, without = np.empty(5), np.empty(5)
     moved = points.copy()
     moved[~inliers] += 100
-    kalman.update(truth.p, truth.p, 20.0, moved, inliers, 0.2, with_all)
-    kalman.update(truth.p, truth.p, 20.0, points[inliers], np.ones(inliers.sum(), bool), 0.2, without)
+    kalman_filter.update(truth.p, truth.p, 20.0, moved, inliers, 0.2, with_all)
+    kalman_filter.update(truth.p, truth.p, 20.0, points[inliers], np.ones(inliers.sum(), bool), 0.2, without)
     assert np.allclose(with_all, without)
 
 
@@ -57,7 +57,7 @@ def test_measured_distances_are_those_of_the_ellipse():
     rng = np.random.default_rng(2)
     truth, points = arc(60, 25, rng)
     offset, slope = np.empty(len(points)), np.empty(len(points))
-    kalman.measure(truth.p, points, offset, slope)
+    kalman_filter.measure(truth.p, points, offset, slope)
     expected = distances(truth.p, points)
     assert np.allclose(offset, expected[0])
     assert np.allclose(slope, expected[1])

@@ -11,7 +11,14 @@ def test_the_digest_changes_with_every_source_file(tmp_path):
     before = digest(tmp_path)
     assert digest(tmp_path) == before
     (tmp_path / "b.py").write_text("two = 3\n")
-    assert digest(tmp_path) != before
+    changed = digest(tmp_path)
+    assert changed != before
+    (tmp_path / "room").mkdir()
+    (tmp_path / "room" / "a.py").write_text("one = 1\n")
+    nested = digest(tmp_path)
+    assert nested != changed
+    (tmp_path / "room" / "a.py").write_text("one = 2\n")
+    assert digest(tmp_path) != nested
 
 
 def cache_directory(**environment):

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from vision.candidates import Workspace
 from vision.errors import InputError
-from vision.grouping import GroupingParameters
+from vision.geometry.workspace import Workspace
+from vision.grouping.edge_grouping import GroupingParameters
 from vision.localizer import EllipseLocalizer, Localization, Localizer, attribute_constraints, extract_features
-from vision.matching_parameters import MatchingParameters
-from vision.regions import segment
+from vision.matching.parameters import MatchingParameters
+from vision.regions.region_ellipses import segment
 
 WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.candidates import Workspace
-from vision.circle_pose import project_circle
-from vision.development import Development
-from vision.evidence import EdgeField
+from vision.edges.edge_field import EdgeField
 from vision.features import EllipseFeature
-from vision.matching import Matcher
-from vision.matching_parameters import MatchingParameters
-from vision.model_contour import ModelContour
+from vision.geometry.circle import project_circle
+from vision.geometry.workspace import Workspace
+from vision.matching.hypotheses import Development
+from vision.matching.matcher import Matcher
+from vision.matching.parameters import MatchingParameters
+from vision.model.contour import ModelContour
 
 WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))
 

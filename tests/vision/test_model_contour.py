@@ -10,14 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.camera import camera_arrays
-from vision.circle_pose import Circle, project_circle
-from vision.edge_support import tally_support
-from vision.evidence import EdgeField
-from vision.model_contour import ModelContour
-from vision.model_curves import PATTERN_SAMPLES, SAMPLE_SPACING_PX
-from vision.visibility import hides
-from vision.vision_model import CircleFeature, Pattern, VisionModel, turns_about_axis
+from vision.edges.edge_field import EdgeField
+from vision.geometry.camera import camera_arrays
+from vision.geometry.circle import Circle, project_circle
+from vision.matching.edge_support import tally_support
+from vision.model.contour import PATTERN_SAMPLES, SAMPLE_SPACING_PX, ModelContour
+from vision.model.projection import hides
+from vision.model.vision_model import CircleFeature, Pattern, VisionModel, turns_about_axis
 
 SCALE = 4200.0
 SLOT_ANGLES = 0.4 + np.arange(3) * 2 * np.pi / 3

@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 
 from tests.schema_rules import follows
-from vision.circle_pose import Circle
 from vision.errors import FileFormatError, InputError
-from vision.extraction_thresholds import ExtractionThresholds
-from vision.model_file import load_model, model_from_json, model_to_json, save_model
+from vision.extraction import ExtractionThresholds
+from vision.geometry.circle import Circle
+from vision.model.model_file import load_model, model_from_json, model_to_json, save_model
 
 MODELS = Path(__file__).resolve().parents[2] / "assets" / "models"
 SCHEMA = json.loads((MODELS / "vision_model.schema.json").read_text(encoding="utf-8"))

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vision.normal_equations import factorise, invert, solve
+from vision.geometry.small_systems import factorise, invert, solve
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 9])

@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vision.camera import Camera, View
-from vision.candidates import Workspace
-from vision.detector import detect_ellipses
-from vision.edges import as_gray, detect_edges
+from vision.drawing.explain import explain
+from vision.edges.edge_map import as_gray, detect_edges
 from vision.errors import InputError
-from vision.explain import explain
-from vision.grouping import group_edges
+from vision.geometry.camera import Camera, View
+from vision.geometry.workspace import Workspace
+from vision.grouping.detector import detect_ellipses
+from vision.grouping.edge_grouping import group_edges
 from vision.localizer import EllipseLocalizer, Localization
-from vision.regions import region_ellipses
-from vision.segmentation import segment
+from vision.regions.region_ellipses import region_ellipses
+from vision.regions.segmentation import segment
 
 SIDES = (1, 2, 3, 4, 7, 16, 33)
 WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))

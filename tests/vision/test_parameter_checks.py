@@ -8,17 +8,17 @@ from dataclasses import fields, is_dataclass
 import numpy as np
 import pytest
 
-from vision.edges import EdgeParameters
-from vision.ellipse_filter import FilterParameters
+from vision.edges.edge_map import EdgeParameters
 from vision.errors import InputError
-from vision.extraction_thresholds import ExtractionThresholds
-from vision.fragments import FragmentParameters
-from vision.grouping import GroupingParameters
-from vision.matching_parameters import MatchingParameters
-from vision.parameter_checks import POSITIVE, SHARE, Allowed, check, count
-from vision.quadtree import SplitAndMerge
-from vision.regions import BoundaryFit
-from vision.segmentation import RegionGrowing
+from vision.extraction import ExtractionThresholds
+from vision.grouping.edge_grouping import GroupingParameters
+from vision.grouping.fragments import FragmentParameters
+from vision.grouping.kalman_filter import FilterParameters
+from vision.matching.parameters import MatchingParameters
+from vision.regions.quadtree import SplitAndMerge
+from vision.regions.region_ellipses import BoundaryFit
+from vision.regions.segmentation import RegionGrowing
+from vision.settings import POSITIVE, SHARE, Allowed, check, count
 
 SETTINGS = (
     *(EdgeParameters, FragmentParameters, FilterParameters, GroupingParameters, SplitAndMerge, RegionGrowing),

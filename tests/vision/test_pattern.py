@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.camera import Camera, View
-from vision.circle_pose import Circle
 from vision.errors import InputError
+from vision.geometry.camera import Camera, View
+from vision.geometry.circle import Circle
+from vision.model.vision_model import CircleFeature, Pattern
 from vision.teaching.pattern import SPACING, TANGENTIAL_RAD, learn_patterns
-from vision.vision_model import CircleFeature, Pattern
 
 Mask = Callable[[np.ndarray, np.ndarray], np.ndarray]
 Layer = tuple[float, Mask, float]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vision.errors import InputError
-from vision.picture import read_picture
+from vision.files.picture import read_picture
 
 GREY = np.random.default_rng(0).integers(0, 256, (40, 60)).astype(np.uint8)
 FULL = np.linspace(0, 65535, 40 * 60).reshape(40, 60).astype(np.uint16)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.pose import SHIFT_SIGMA_PX, SWELL_SIGMA_PX, Observations, refine_pose
+from vision.pose.observations import Observations
+from vision.pose.refinement import SHIFT_SIGMA_PX, SWELL_SIGMA_PX, refine_pose
 
 SIGMA_PX = 0.3
 

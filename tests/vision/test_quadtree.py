@@ -5,10 +5,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from vision.edge_linking import link_edges
 from vision.errors import InputError
-from vision.quadtree import SplitAndMerge, split
-from vision.region_merging import BOUNDARY, merge
+from vision.regions.edge_gaps import link_edges
+from vision.regions.merging import BOUNDARY, merge
+from vision.regions.quadtree import SplitAndMerge, split
 
 SETTINGS = SplitAndMerge()
 

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.stats import chi2
 
-from vision.ellipse import Ellipse
-from vision.ellipse_fit import fit_ellipse
 from vision.errors import InputError
-from vision.regions import (
+from vision.geometry.ellipse import Ellipse
+from vision.geometry.ellipse_fit import fit_ellipse
+from vision.regions.region_ellipses import (
     AttributeConstraints,
     BoundaryFit,
     RegionGrowing,

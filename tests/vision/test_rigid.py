@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.errors import InputError
-from vision.rigid import rigid_transform
+from vision.geometry.camera import rigid_transform
 
 POSE = RigidTransform.from_components([1.0, 2.0, 3.0], Rotation.from_rotvec([0.3, -2.0, 0.4]))
 

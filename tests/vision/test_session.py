@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.camera import Camera, View
-from vision.circle_pose import project_circle
-from vision.ellipse import Ellipse
 from vision.errors import InputError
-from vision.extraction_thresholds import ExtractionThresholds
+from vision.extraction import ExtractionThresholds
+from vision.geometry.camera import Camera, View
+from vision.geometry.circle import project_circle
+from vision.geometry.ellipse import Ellipse
 from vision.teaching import events as ev
 from vision.teaching.session import Document, Session, build_model
 

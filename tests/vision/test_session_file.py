@@ -13,9 +13,9 @@ import pytest
 
 from tests.schema_rules import follows
 from vision.errors import FileFormatError, InputError
-from vision.extraction_thresholds import ExtractionThresholds
-from vision.json_value import JsonValue
-from vision.model_file import model_to_json
+from vision.extraction import ExtractionThresholds
+from vision.files.json_reader import JsonValue
+from vision.model.model_file import model_to_json
 from vision.teaching import events as ev
 from vision.teaching.session import Session, ViewDigest
 from vision.teaching.session_file import (

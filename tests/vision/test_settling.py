@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vision.circle_pose import Circle, project_circle
-from vision.ellipse import Ellipse
-from vision.evidence import EdgeField
+from vision.edges.edge_field import EdgeField
+from vision.geometry.circle import Circle, project_circle
+from vision.geometry.ellipse import Ellipse
 from vision.teaching.lesson import TaughtFeature, locate
 from vision.teaching.settling import settle
 from vision.teaching.snapping import snap_to_edge

@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.camera import View
-from vision.candidates import SalientCircles
-from vision.circle_pose import Circle, project_circle
 from vision.errors import InputError
 from vision.features import EllipseFeature
-from vision.stereo_pose import absolute_orientation, corresponding_points, pose_by_stereo, triangulate
+from vision.geometry.camera import View
+from vision.geometry.circle import Circle, project_circle
+from vision.model.vision_model import SalientCircles
+from vision.pose.stereo import absolute_orientation, corresponding_points, pose_by_stereo, triangulate
 
 
 @given(st.integers(0, 2**32 - 1))

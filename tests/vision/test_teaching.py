@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from vision.circle_pose import Circle, project_circle
-from vision.ellipse import Ellipse
+from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
-from vision.evidence import EdgeField
+from vision.geometry.circle import Circle, project_circle
+from vision.geometry.ellipse import Ellipse
 from vision.localizer import extract_features
 from vision.teaching.lesson import Lesson, TaughtFeature, acquire, locate, propose_extractor
 from vision.teaching.snapping import ellipse_through, snap_to_edge

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vision.vectors import cross
+from vision.geometry.circle import cross
 
 
 @given(

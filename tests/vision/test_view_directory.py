@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from tests.schema_rules import follows
-from vision import view_directory
-from vision.camera import View
 from vision.errors import FileFormatError, InputError
+from vision.files import views as view_directory
+from vision.geometry.camera import View
 from vision.teaching.session import Session
 from vision.teaching.view_directory import load_part_name, load_views, save_views
 

@@ -11,17 +11,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vision.camera import View
-from vision.circle_pose import Circle, project_circle
-from vision.ellipse import Ellipse, overlap
+from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
-from vision.evidence import EdgeField
-from vision.extraction_thresholds import ExtractionThresholds
+from vision.extraction import ExtractionThresholds
 from vision.features import EllipseFeature, Process
+from vision.geometry.camera import View
+from vision.geometry.circle import Circle, project_circle
+from vision.geometry.ellipse import Ellipse, overlap
 from vision.localizer import extract_features
+from vision.model.vision_model import CircleFeature
 from vision.teaching.guides import faces
 from vision.teaching.lesson import SAME_FEATURE_OVERLAP, Lesson, TaughtFeature, locate, propose_extractor
-from vision.vision_model import CircleFeature
 
 Report = Callable[[float], None]
 

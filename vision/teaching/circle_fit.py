@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from vision.camera import View
-from vision.circle_pose import Circle, circle_conics, plane_axes
+from vision.geometry.camera import View
+from vision.geometry.circle import Circle, circle_conics, plane_axes
 
 Array = NDArray[np.float64]
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vision.errors import InputError
-from vision.extraction_thresholds import ExtractionThresholds
+from vision.extraction import ExtractionThresholds
 from vision.features import Process
+from vision.model.vision_model import BoreCoordinates, GraspCoordinates, Role
 from vision.teaching import events as ev
 from vision.teaching.lesson import Lesson, TaughtFeature
 from vision.teaching.snapping import MINIMUM_CLICKS
-from vision.vision_model import BoreCoordinates, GraspCoordinates, Role
 
 Point = tuple[float, float]
 

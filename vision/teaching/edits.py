@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from vision.ellipse import Ellipse
 from vision.errors import InputError
+from vision.geometry.ellipse import Ellipse
 from vision.teaching import events as ev
 from vision.teaching.document import Document, MarkedFeature, Point
 

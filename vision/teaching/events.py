@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 from scipy.spatial.transform import RigidTransform
 
-from vision.extraction_thresholds import ExtractionThresholds
+from vision.extraction import ExtractionThresholds
 from vision.features import Process
-from vision.rigid import rigid_transform
-from vision.vision_model import GraspKind, Role
+from vision.geometry.camera import rigid_transform
+from vision.model.vision_model import GraspKind, Role
 
 Matrix = tuple[tuple[float, ...], ...]
 """A pose as four rows of four numbers."""

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.camera import View
-from vision.circle_pose import Circle, project_circle
-from vision.ellipse import Ellipse
-from vision.ellipse_fit import fit_ellipse
 from vision.errors import InputError
+from vision.geometry.camera import View
+from vision.geometry.circle import Circle, project_circle
+from vision.geometry.ellipse import Ellipse
+from vision.geometry.ellipse_fit import fit_ellipse
 from vision.teaching.snapping import ellipse_through
 from vision.teaching.triangulation import triangulate_circle
 

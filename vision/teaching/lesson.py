@@ -8,18 +8,14 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.camera import View
-from vision.circle_pose import Circle, project_circle
-from vision.ellipse import Ellipse, overlap
+from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
-from vision.evidence import EdgeField
-from vision.extraction_thresholds import ExtractionThresholds
+from vision.extraction import ExtractionThresholds
 from vision.features import EllipseFeature, Process
-from vision.teaching.pattern import learn_patterns
-from vision.teaching.settling import settle
-from vision.teaching.snapping import snap_to_edge
-from vision.teaching.triangulation import TriangulatedCircle, triangulate_circle
-from vision.vision_model import (
+from vision.geometry.camera import View
+from vision.geometry.circle import Circle, project_circle
+from vision.geometry.ellipse import Ellipse, overlap
+from vision.model.vision_model import (
     AttributeRange,
     BoreCoordinates,
     CircleFeature,
@@ -27,6 +23,10 @@ from vision.vision_model import (
     Role,
     VisionModel,
 )
+from vision.teaching.pattern import learn_patterns
+from vision.teaching.settling import settle
+from vision.teaching.snapping import snap_to_edge
+from vision.teaching.triangulation import TriangulatedCircle, triangulate_circle
 
 Array = NDArray[np.float64]
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from vision.camera import View
-from vision.edges import EdgeMap, detect_edges
-from vision.vision_model import CircleFeature, Pattern
+from vision.edges.edge_map import EdgeMap, detect_edges
+from vision.geometry.camera import View
+from vision.model.vision_model import CircleFeature, Pattern
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -12,14 +12,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from vision.camera import View
 from vision.errors import InputError
+from vision.geometry.camera import View
 from vision.localizer import extract_features
+from vision.model.vision_model import VisionModel
 from vision.teaching import events as ev
 from vision.teaching.document import Document, MarkedFeature, Point
 from vision.teaching.edits import apply
 from vision.teaching.lesson import acquire
-from vision.vision_model import VisionModel
 
 __all__ = ["Document", "MarkedFeature", "Point", "Session", "ViewDigest", "build_model", "digests"]
 

@@ -15,12 +15,12 @@ from typing import Any, get_args
 
 from vision.errors import FileFormatError, InputError
 from vision.features import Process
-from vision.json_value import JsonValue, parse, read_text
-from vision.model_file import thresholds_from, thresholds_to_dict
+from vision.files.json_reader import JsonValue, parse, read_text
+from vision.model.model_file import thresholds_from, thresholds_to_dict
+from vision.model.vision_model import GraspKind, Role, VisionModel
 from vision.teaching import events as ev
 from vision.teaching.session import Session, ViewDigest, build_model
 from vision.teaching.view_directory import load_views
-from vision.vision_model import GraspKind, Role, VisionModel
 
 FORMAT = "focalpick-teaching-session"
 VERSION = 1

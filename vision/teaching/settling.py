@@ -12,10 +12,10 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.camera import View
-from vision.circle_pose import Circle, project_circle
-from vision.ellipse import Ellipse
-from vision.evidence import SMOOTHING_PX, EdgeField
+from vision.edges.edge_field import SMOOTHING_PX, EdgeField
+from vision.geometry.camera import View
+from vision.geometry.circle import Circle, project_circle
+from vision.geometry.ellipse import Ellipse
 from vision.teaching.circle_fit import Sightings, fit_circle
 
 Array = NDArray[np.float64]

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.ellipse import Ellipse
-from vision.ellipse_fit import fit_ellipse
+from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
-from vision.evidence import EdgeField
+from vision.geometry.ellipse import Ellipse
+from vision.geometry.ellipse_fit import fit_ellipse
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.camera import View
-from vision.circle_pose import Circle, circle_poses
-from vision.ellipse import Ellipse
 from vision.errors import InputError
+from vision.geometry.camera import View
+from vision.geometry.circle import Circle, circle_poses
+from vision.geometry.ellipse import Ellipse
 from vision.teaching.circle_fit import CircleFit, Sightings, fit_circle
 from vision.teaching.snapping import ellipse_through
 

@@ -26,9 +26,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from vision.camera import View
-from vision.json_value import JsonValue
-from vision.view_directory import (
+from vision.files.json_reader import JsonValue
+from vision.files.views import (
     LESSON_POSE,
     SCHEMA_VERSION,
     VIEWS_FILE,
@@ -37,6 +36,7 @@ from vision.view_directory import (
     read_view,
     write_views,
 )
+from vision.geometry.camera import View
 
 __all__ = ["SCHEMA_VERSION", "VIEWS_FILE", "load_part_name", "load_views", "save_views"]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from vision.circle_pose import Circle
+from vision.geometry.circle import Circle
 from vision.teaching import events as ev
 from vision.teaching.editor.fields import Fields, on_commit
 from vision.teaching.editor.grasp_pose import bore_at

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from vision.camera import View
-from vision.ellipse import Ellipse
+from vision.geometry.camera import View
+from vision.geometry.ellipse import Ellipse
+from vision.model.vision_model import Pattern
 from vision.teaching.document import MarkedFeature
 from vision.teaching.editor.findings import Finding, Inspector, Mark
 from vision.teaching.guides import epipolar_curve, predict_ellipse
-from vision.vision_model import Pattern
 
 State = dict[str, Any]
 

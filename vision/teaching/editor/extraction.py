@@ -6,9 +6,9 @@ import asyncio
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from vision.camera import View
 from vision.errors import FocalpickError
-from vision.extraction_thresholds import ExtractionThresholds
+from vision.extraction import ExtractionThresholds
+from vision.geometry.camera import View
 from vision.teaching.editor.overlays import make_overlay, no_overlay, overlay_tag
 from vision.teaching.editor.workers import Worker
 

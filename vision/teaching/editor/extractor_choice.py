@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vision.ellipse import Ellipse, overlap
+from vision.geometry.ellipse import Ellipse, overlap
 from vision.teaching.editor.findings import Finding, Inspector
 from vision.teaching.lesson import SAME_FEATURE_OVERLAP
 

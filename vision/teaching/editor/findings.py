@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.camera import View
-from vision.circle_pose import Circle, project_circle
-from vision.ellipse import Ellipse
+from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
-from vision.evidence import EdgeField
+from vision.geometry.camera import View
+from vision.geometry.circle import Circle, project_circle
+from vision.geometry.ellipse import Ellipse
 from vision.teaching.document import MarkedFeature, Point
 from vision.teaching.guides import ClickErrors, click_errors, faces
 from vision.teaching.settling import settle

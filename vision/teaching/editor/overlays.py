@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.drawing import region_colours
-from vision.extraction_thresholds import ExtractionThresholds
+from vision.drawing.strokes import region_colours
+from vision.extraction import ExtractionThresholds
 from vision.features import EllipseFeature
-from vision.grouping import Grouping, group_edges
-from vision.regions import region_ellipses
-from vision.segmentation import Segmentation, segment
+from vision.grouping.edge_grouping import Grouping, group_edges
+from vision.regions.region_ellipses import region_ellipses
+from vision.regions.segmentation import Segmentation, segment
 
 Image = NDArray[np.uint8]
 

@@ -10,7 +10,7 @@ from nicegui import ui
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from vision.circle_pose import Circle, plane_axes
+from vision.geometry.circle import Circle, plane_axes
 from vision.teaching.document import Document
 from vision.teaching.editor.findings import Finding
 from vision.teaching.events import PlaceGrasp, SetBore, pose_of

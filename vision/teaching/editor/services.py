@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.camera import View
-from vision.vision_model import VisionModel
+from vision.geometry.camera import View
+from vision.model.vision_model import VisionModel
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from vision.camera import View
+from vision.geometry.camera import View
 
 Handler = Callable[[dict[str, Any]], Any]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from nicegui import background_tasks, ui
 
 from vision.errors import FocalpickError
-from vision.extraction_thresholds import ExtractionThresholds
+from vision.extraction import ExtractionThresholds
 from vision.teaching import events as ev
 from vision.teaching.editor.fields import Fields, on_commit
 from vision.teaching.editor.workers import StoppedError

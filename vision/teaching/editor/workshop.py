@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from vision.errors import InputError
-from vision.model_file import save_model
+from vision.model.model_file import save_model
+from vision.model.vision_model import Pattern, VisionModel
 from vision.teaching import events as ev
 from vision.teaching.adaptation import Proposal, propose_thresholds
 from vision.teaching.document import Document
@@ -23,7 +24,6 @@ from vision.teaching.editor.workers import Worker
 from vision.teaching.session import Session, build_model
 from vision.teaching.session_file import SESSION_FILE, load_session
 from vision.teaching.view_directory import load_part_name, load_views
-from vision.vision_model import Pattern, VisionModel
 
 Listener = Callable[[bool], None]
 

@@ -1,0 +1,250 @@
+"""The iterated extended Kalman filter that fits an ellipse in focal form to grouped edge points (Section 5.2).
+
+The state does not move, and every edge point z gives one scalar measurement f(p, z) = 0. All points of a group enter
+as one batch, in the filter's information form: with as many measurements as there are edge points, adding up
+H^T R^-1 H is far cheaper than inverting their covariance, and gives the same update. The filter is linearised again
+at its own result, from the same prior, until it no longer moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from vision.errors import InputError
+from vision.geometry.ellipse import Ellipse, focal_residual
+from vision.geometry.focal_form import norm2
+from vision.settings import NOT_NEGATIVE, POSITIVE, check, count
+
+MIN_POINTS = 6
+
+
+@njit(cache=True)
+def measure(p, points, offset, slope):  # type: ignore[no-untyped-def]
+    """First-order distances of points (N, 2) to p into ``offset`` (N,), and |df/dz| into ``slope`` (N,)."""
+    for k in range(len(points)):
+        ax, ay, bx, by = points[k, 0] - p[0], points[k, 1] - p[1], points[k, 0] - p[2], points[k, 1] - p[3]
+        s1, s2 = norm2(ax, ay), norm2(bx, by)
+        t1, t2 = max(s1, 1e-9), max(s2, 1e-9)
+        slope[k] = max(norm2(ax / t1 + bx / t2, ay / t1 + by / t2), 1e-3)
+        offset[k] = (s1 + s2 - p[4]) / slope[k]
+
+
+@njit(cache=True)
+def _median_of_absolutes(values):  # type: ignore[no-untyped-def]
+    return np.median(np.abs(values))
+
+
+@njit(cache=True)
+def update(prior, at, prior_px, points, inliers, deviation, posterior):  # type: ignore[no-untyped-def]
+    """One update from the prior, linearised at another estimate: covariance (5, 5); the estimate into ``posterior``.
+
+    Every point measures f(p, z) = 0 with the variance (deviation |df/dz|)².
+    """
+    information, right, h = np.zeros((5, 5)), np.zeros(5), np.empty(5)
+    for k in range(len(points)):
+        if not inliers[k]:
+            continue
+        ax, ay, bx, by = points[k, 0] - at[0], points[k, 1] - at[1], points[k, 0] - at[2], points[k, 1] - at[3]
+        s1, s2 = norm2(ax, ay), norm2(bx, by)
+        t1, t2 = max(s1, 1e-9), max(s2, 1e-9)
+        weight = 1 / (max(norm2(ax / t1 + bx / t2, ay / t1 + by / t2), 1e-3) * deviation)
+        h[0], h[1], h[2], h[3], h[4] = -ax / t1, -ay / t1, -bx / t2, -by / t2, -1.0
+        innovation = -(s1 + s2 - at[4]) * weight
+        for i in range(5):
+            h[i] *= weight
+            innovation += h[i] * (at[i] - prior[i])
+        for i in range(5):
+            right[i] += h[i] * innovation
+            for j in range(i + 1):
+                information[i, j] += h[i] * h[j]
+    for i in range(5):
+        information[i, i] += 1 / prior_px**2
+        for j in range(i):
+            information[j, i] = information[i, j]
+    covariance = np.linalg.inv(information)
+    for i in range(5):
+        posterior[i] = prior[i]
+        for j in range(5):
+            posterior[i] += covariance[i, j] * right[j]
+    return (covariance + covariance.T) / 2
+
+
+@njit(cache=True)
+def iterate(points, initial, prior_px, spacing_px, floor, gate, correlation_px, iterations, inliers):  # type: ignore[no-untyped-def]
+    """Run the filter: whether it arrived, p (5,), its covariance (5, 5), and the mean distance of the inliers.
+
+    ``inliers`` (N,) receives the points within the gate.
+    """
+    n = len(points)
+    prior, p, posterior = initial.copy(), initial.copy(), np.empty(5)
+    offset, slope = np.empty(n), np.empty(n)
+    covariance = np.zeros((5, 5))
+    for _ in range(iterations):
+        measure(p, points, offset, slope)
+        # The median absolute value does not notice outliers.
+        deviation = max(1.4826 * _median_of_absolutes(offset), floor)
+        count = 0
+        for k in range(n):
+            inliers[k] = abs(offset[k]) <= gate * deviation
+            count += inliers[k]
+        if count < MIN_POINTS:
+            return False, p, covariance, 0.0
+        update(prior, p, prior_px, points, inliers, deviation, posterior)
+        step = 0.0
+        for i in range(5):
+            step = max(step, abs(posterior[i] - p[i]))
+            p[i] = posterior[i]
+        if not np.isfinite(p).all() or p[4] <= norm2(p[0] - p[2], p[1] - p[3]):
+            return False, p, covariance, 0.0
+        if step < 1e-2:
+            break
+    measure(p, points, offset, slope)
+    square, total, count = 0.0, 0.0, 0
+    for k in range(n):
+        if inliers[k]:
+            square += offset[k] ** 2
+            total += abs(offset[k])
+            count += 1
+    # 5 degrees of freedom were spent on p.
+    deviation = max(np.sqrt(square / max(count - 5, 1)), floor)
+    inflation = np.sqrt(max(1.0, correlation_px / spacing_px))
+    covariance = update(prior, p, prior_px, points, inliers, deviation * inflation, posterior)
+    return True, p, covariance, total / count
+
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FilterParameters:
+    """How the filter is run.
+
+    Attributes:
+        noise_floor_px: smallest standard deviation of an edge point across the edge.
+        correlation_px: distance along an edge over which the errors of edge points are correlated. White noise
+            smoothed with a Gaussian of deviation t has the correlation exp(-d² / 4t²), whose integral is
+            t sqrt(4 pi): 4.3 px for a Gaussian of 1 px and the Sobel operator (variance 1/2 along the edge). Points
+            that lie closer count for less.
+        gate: points further off than this many standard deviations are left out.
+        prior_px: standard deviation of each component of the initial estimate.
+        iterations: largest number of linearisations.
+    """
+
+    noise_floor_px: float = 0.03
+    correlation_px: float = 4.3
+    gate: float = 3.0
+    prior_px: float = 20.0
+    iterations: int = 5
+
+    def __post_init__(self) -> None:
+        check(self, noise_floor_px=POSITIVE, correlation_px=NOT_NEGATIVE, gate=POSITIVE, prior_px=POSITIVE)
+        check(self, iterations=count(1))
+
+
+@dataclass(frozen=True, eq=False)
+class FilterResult:
+    """What the filter found.
+
+    Attributes:
+        ellipse: the estimate with its covariance.
+        fitting_error_px: mean of |f| / |df/dz| over the points within the gate: their distance to the ellipse.
+        inliers: (N,) which of the points lie within the gate.
+    """
+
+    ellipse: Ellipse
+    fitting_error_px: float
+    inliers: NDArray[np.bool_]
+
+
+def moment_estimate(points: Array) -> Array:
+    """The initial estimate of p (5,) from centroid and moments of inertia of points (N, 2).
+
+    The paper puts both focal points into the centroid. There df/dp is the same for both of them, so that no
+    linearised filter can ever part them again; they are therefore set off along the long axis of inertia. Meant
+    for points all around: the centroid of a short arc lies on the arc itself, and the grouping hands the filter an
+    algebraic fit instead.
+    """
+    centroid = points.mean(axis=0)
+    spread, axes = np.linalg.eigh(np.cov(points.T, bias=True))
+    # A thin ring of semi-axis a has the variance a² / 2 along that axis.
+    semi_minor, semi_major = np.sqrt(2 * np.maximum(spread, 1e-6))
+    focal = np.sqrt(semi_major**2 - semi_minor**2) * axes[:, 1]
+    return np.array([*(centroid + focal), *(centroid - focal), 2 * semi_major])
+
+
+def distances(p: Array, points: Array) -> tuple[Array, Array]:
+    """Signed distance of points (N, 2) to the ellipse, to first order, and |df/dz| (N,)."""
+    d1, d2 = points - p[:2], points - p[2:4]
+    unit1 = d1 / np.maximum(np.hypot(d1[:, 0], d1[:, 1]), 1e-9)[:, None]
+    unit2 = d2 / np.maximum(np.hypot(d2[:, 0], d2[:, 1]), 1e-9)[:, None]
+    slope = np.maximum(np.hypot(*(unit1 + unit2).T), 1e-3)
+    return focal_residual(p, points) / slope, slope
+
+
+def unshrink(p: Array, points: Array, smoothing_px: float) -> Array:
+    """Edge points (N, 2) on the ellipse p, moved out to where they would be without smoothing.
+
+    A Gaussian of variance t² draws the edge of a disc of radius r towards its centre by t² / 2r. The radius of
+    curvature of an ellipse where the focal distances are s1 and s2 is (s1 s2)^1.5 / (a b).
+    """
+    return np.asarray(_unshrunk(np.asarray(p, dtype=float), np.asarray(points, dtype=float), float(smoothing_px)))
+
+
+@njit(cache=True)
+def _unshrunk(p, points, smoothing):  # type: ignore[no-untyped-def]
+    focal = norm2(p[0] - p[2], p[1] - p[3])
+    axes_product = 0.25 * p[4] * np.sqrt(max(p[4] * p[4] - focal * focal, 0.0))
+    moved = np.empty_like(points)
+    for k in range(len(points)):
+        ax, ay, bx, by = points[k, 0] - p[0], points[k, 1] - p[1], points[k, 0] - p[2], points[k, 1] - p[3]
+        s1, s2 = max(norm2(ax, ay), 1e-9), max(norm2(bx, by), 1e-9)
+        x, y = ax / s1 + bx / s2, ay / s1 + by / s2
+        shift = min(0.5 * smoothing * smoothing * axes_product / (s1 * s2) ** 1.5, 0.5) / max(norm2(x, y), 1e-9)
+        moved[k, 0], moved[k, 1] = points[k, 0] + shift * x, points[k, 1] + shift * y
+    return moved
+
+
+def fit_ellipse(
+    points: Array,
+    initial: Array | None = None,
+    spacing_px: float = np.inf,
+    parameters: FilterParameters | None = None,
+) -> FilterResult | None:
+    """Fit an ellipse to edge points with the iterated extended Kalman filter.
+
+    Args:
+        points: (N, 2) edge points in pixels, N at least 6.
+        initial: (5,) first estimate of p; by default from the moments.
+        spacing_px: mean distance of neighbouring points along the edge.
+        parameters: noise, gate, prior.
+
+    Returns:
+        The result, or None when the points do not determine a real ellipse.
+
+    Raises:
+        InputError: for points of a wrong shape, too few of them, or not finite.
+    """
+    parameters = parameters or FilterParameters()
+    points = np.asarray(points, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < MIN_POINTS or not np.isfinite(points).all():
+        raise InputError("edge points", got=f"shape {points.shape}", expected="at least 6 finite points (N, 2)")
+    p = np.array(moment_estimate(points) if initial is None else initial, dtype=float)
+    # Without an initial estimate from a fit the prior must not hold the filter back.
+    prior_px = max(parameters.prior_px, p[4])
+    inliers = np.zeros(len(points), np.bool_)
+    arrived, p, covariance, error = iterate(
+        np.ascontiguousarray(points),
+        p,
+        prior_px,
+        float(spacing_px),
+        parameters.noise_floor_px,
+        parameters.gate,
+        parameters.correlation_px,
+        parameters.iterations,
+        inliers,
+    )
+    return FilterResult(Ellipse(p, covariance), float(error), inliers) if arrived else None

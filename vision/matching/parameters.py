@@ -1,0 +1,54 @@
+"""Settings of the matching."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vision.errors import InputError
+from vision.pose.calibration import EXACT, CalibrationError
+from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, Allowed, check, count
+
+
+@dataclass(frozen=True)
+class MatchingParameters:
+    """Settings of the matching.
+
+    Attributes:
+        candidates: how many of the most promising candidates are refined and confirmed in a round.
+        minimum_scores: edge support below which a pose is not accepted, round by round: what is beyond doubt first.
+        minimum_separation: distance of two parts below which one of them is a duplicate, in part diameters.
+        reach_px: how far from the projected model edges are looked for, iteration by iteration.
+        rim_reach_px: the same for the first correction of a candidate.
+        whole_reach_px: the same where all circles correct a doubtful hypothesis once more.
+        doubtful_scores: between them a hypothesis is doubtful.
+        loose_reach_px: tolerance with which candidates are first weighed by the edges near them.
+        depth_shares: relative changes of the distance that are tried for a candidate.
+        far_depth_shares: the same for a pose that only one view supports.
+        leash: how far a refinement may move a pose before it has run away, in part diameters.
+        calibration: how unsure the calibration of the views is; it widens the covariances and moves no pose.
+        joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points.
+    """
+
+    candidates: int = 16
+    minimum_scores: tuple[float, ...] = (0.6, 0.5, 0.42)
+    minimum_separation: float = 0.12
+    reach_px: tuple[float, ...] = (2.5, 1.5, 1.5)
+    rim_reach_px: tuple[float, ...] = (6.0, 4.0, 3.0)
+    whole_reach_px: tuple[float, ...] = (4.0, 2.5)
+    doubtful_scores: tuple[float, float] = (0.25, 0.6)
+    loose_reach_px: float = 7.0
+    depth_shares: tuple[float, ...] = (0.0, -0.02, -0.015, -0.01, -0.005, 0.005, 0.01, 0.015, 0.02)
+    far_depth_shares: tuple[float, ...] = tuple(0.0025 * step for step in range(-16, 17))
+    leash: float = 0.05
+    calibration: CalibrationError = EXACT
+    joint_edges: bool = True
+
+    def __post_init__(self) -> None:
+        check(self, candidates=count(1), minimum_scores=NOT_NEGATIVE, minimum_separation=NOT_NEGATIVE)
+        check(self, reach_px=POSITIVE, rim_reach_px=POSITIVE, whole_reach_px=POSITIVE, doubtful_scores=SHARE)
+        # Support falls from one pixel off the model to nothing at the tolerance.
+        check(self, loose_reach_px=Allowed(1, above=True), leash=NOT_NEGATIVE)
+        closer = Allowed(-1, above=True)  # the part stays before the camera
+        check(self, depth_shares=closer, far_depth_shares=closer)
+        if len(self.doubtful_scores) != 2 or self.doubtful_scores[0] > self.doubtful_scores[1]:
+            raise InputError("doubtful_scores", got=self.doubtful_scores, expected="two numbers, low <= high")

@@ -1,0 +1,210 @@
+"""The vision model: what a person taught about a part, sufficient to recognise it and compute its pose.
+
+Sections 2, 4 and 6: a small number of salient and supporting features, which extractor to use for each, and the
+grasp coordinates. It is not a CAD model. Metres and radians throughout; ``vision.model.model_file`` stores it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from vision.errors import InputError
+from vision.extraction import ExtractionThresholds
+from vision.features import Process
+from vision.geometry.circle import Circle
+
+Array = NDArray[np.float64]
+Role = Literal["salient", "supporting"]
+GraspKind = Literal["outside", "inside"]
+
+_UNIT_TOLERANCE = 1e-6
+
+
+def turns_about_axis(copies: int) -> Array:
+    """(copies, 3, 3) rotations about the part's axis that carry a feature into its copies."""
+    angles = np.arange(copies) * 2 * np.pi / copies
+    return Rotation.from_rotvec(np.outer(angles, [0.0, 0.0, 1.0])).as_matrix()
+
+
+@dataclass(frozen=True)
+class AttributeRange:
+    """The smallest and the largest value that a region attribute took in the taught views."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class CircleFeature:
+    """A circular feature of the part, in the part's frame.
+
+    Attributes:
+        name: what the person called it.
+        role: "salient" features make hypotheses, "supporting" ones confirm them (Section 6).
+        circle: its circle; the normal points to the side from which it is seen.
+        extractor: the extractor to be tried first.
+        copies: number of equal features, evenly spaced around the part's axis (bolt holes).
+        support: the part of the circumference along which edges were seen in the taught views, 0 to 1.
+        attributes: ranges of the region attributes in the taught views, by name.
+    """
+
+    name: str
+    role: Role
+    circle: Circle
+    extractor: Process
+    copies: int = 1
+    support: float = 1.0
+    attributes: tuple[tuple[str, AttributeRange], ...] = ()
+
+    def circles(self) -> list[Circle]:
+        """The circles of all copies."""
+        return [
+            Circle(R @ self.circle.centre, R @ self.circle.normal, self.circle.radius_m)
+            for R in turns_about_axis(self.copies)
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Edges on a face that are no taught circles, such as those of slots: a supporting feature (Section 6).
+
+    They follow from the taught views and say how the part is turned about its axis; edges that run around the axis,
+    which a turn does not move, are left out. All copies that the part's symmetry makes are there.
+
+    Attributes:
+        name: label.
+        normal: (3,) unit vector towards the side from which the edges are seen.
+        points: (N, 3) metres in the part's frame, evenly spaced along the edges; read-only.
+        directions: (N, 3) unit tangents of the edges at the points, whose sign has no meaning; read-only.
+    """
+
+    name: str
+    normal: Array
+    points: Array
+    directions: Array
+
+    def __post_init__(self) -> None:
+        count = len(self.points)
+        for name, shape in (("normal", (3,)), ("points", (count, 3)), ("directions", (count, 3))):
+            array = np.array(getattr(self, name), dtype=float)
+            expected = (
+                f"finite {'numbers' if name == 'points' else 'unit vectors'} of shape {shape}, at least one point"
+            )
+            good = array.shape == shape and array.size > 0 and bool(np.isfinite(array).all())
+            if good and name != "points":
+                good = bool((np.abs(np.linalg.norm(array, axis=-1) - 1) < _UNIT_TOLERANCE).all())
+            if not good:
+                raise InputError(f"{name} of pattern {self.name!r}", got=array, expected=expected)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Run the constructor again after unpickling, so that the arrays stay read-only."""
+        return (Pattern, (self.name, self.normal, self.points, self.directions))
+
+
+@dataclass(frozen=True, eq=False)
+class GraspCoordinates:
+    """Where the gripper may take the part (Fig. 2 b).
+
+    Attributes:
+        name: label.
+        T_part_tcp: pose of the tool centre point: z approaches, x is the direction in which the fingers open.
+        width_m: gap between the fingers at contact ("outside"), or distance of their outer faces ("inside").
+        kind: close on the outside, or open in a bore.
+        copies: number of equally good rotations about the part's axis.
+    """
+
+    name: str
+    T_part_tcp: RigidTransform
+    width_m: float
+    kind: GraspKind
+    copies: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class BoreCoordinates:
+    """The bore for peg-in-hole: the origin is the centre of the entry rim, z points into the bore."""
+
+    T_part_bore: RigidTransform
+    diameter_m: float
+    depth_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class VisionModel:
+    """A taught part.
+
+    Attributes:
+        part: name of the part.
+        diameter_m: outline diameter.
+        features: salient and supporting features.
+        symmetry_fold: number of rotations about z that look the same; None when every rotation does.
+        grasps: grasp coordinates.
+        bore: the bore, where the part has one.
+        thresholds: of the extractors, as adapted to the part.
+        patterns: edges on the faces besides the circles, as the taught views show them.
+    """
+
+    part: str
+    diameter_m: float
+    features: tuple[CircleFeature, ...]
+    symmetry_fold: int | None = None
+    grasps: tuple[GraspCoordinates, ...] = ()
+    bore: BoreCoordinates | None = None
+    thresholds: ExtractionThresholds = field(default_factory=ExtractionThresholds)
+    patterns: tuple[Pattern, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.salient:
+            raise InputError(
+                f"vision model of {self.part}", got="no salient feature", expected="at least one", do="Teach one."
+            )
+        for feature in self.salient:
+            off_axis = np.hypot(*feature.circle.centre[:2])
+            if feature.copies != 1 or off_axis > 0.02 * self.diameter_m or abs(feature.circle.normal[2]) < 0.99:
+                raise InputError(
+                    f"salient feature {feature.name!r} of {self.part}",
+                    got=f"centre {feature.circle.centre.round(5).tolist()}, {feature.copies} copies",
+                    expected="one circle around the part's z axis",
+                    do="Teach it as a supporting feature instead.",
+                )
+
+    @property
+    def salient(self) -> tuple[CircleFeature, ...]:
+        """The features that make hypotheses."""
+        return tuple(f for f in self.features if f.role == "salient")
+
+    @property
+    def supporting(self) -> tuple[CircleFeature, ...]:
+        """The features that confirm them."""
+        return tuple(f for f in self.features if f.role == "supporting")
+
+
+@dataclass(frozen=True, eq=False)
+class SalientCircles:
+    """The salient circles as arrays: height along z (K,), side (K,) +1 or -1, radius (K,) in metres."""
+
+    height: Array
+    side: Array
+    radius: Array
+
+    @property
+    def arrays(self) -> tuple[Array, Array, Array]:
+        """Height, side and radius, for the compiled loops."""
+        return self.height, self.side, self.radius
+
+    @classmethod
+    def of(cls, model: VisionModel) -> SalientCircles:
+        """Of a model; salient features are coaxial circles."""
+        circles = [f.circle for f in model.salient]
+        return cls(
+            np.array([c.centre[2] for c in circles]),
+            np.sign([c.normal[2] for c in circles]),
+            np.array([c.radius_m for c in circles]),
+        )

@@ -1,0 +1,148 @@
+"""The region-growing method (Section 5.1): boundaries of the regions that are left after pruning become ellipses."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from vision.errors import InputError
+from vision.features import EllipseFeature
+from vision.geometry.ellipse import Array, Ellipse
+from vision.regions.attributes import AttributeConstraints
+from vision.regions.boundaries import refine_boundaries
+from vision.regions.boundary_ellipses import Limits, covered, find_ellipses
+from vision.regions.segmentation import Region, RegionGrowing, Segmentation, check_gray, gradient, segment
+from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, check, count
+
+__all__ = [
+    "AttributeConstraints",
+    "BoundaryFit",
+    "Region",
+    "RegionGrowing",
+    "Segmentation",
+    "circumference_covered",
+    "region_ellipses",
+    "segment",
+]
+
+_SPACING = 3
+"""Contour points per boundary point: closer together than the blur reaches, their errors would not be independent."""
+
+_CAMERA_AND_SOBEL_VARIANCE = 0.9
+"""Blur besides that of edge detection, in px²: Sobel's kernel 0.46, the pixel's area 0.08, a lens of 0.6 px."""
+
+_CORRELATION = 0.31
+"""Of the errors of neighbouring boundary points, 3 px apart: noise blurred by 1.2 px and by Sobel's kernel (variance
+1/2 along the edge), exp(-3² / (4 * (1.2² + 0.5)))."""
+
+
+@dataclass(frozen=True)
+class BoundaryFit:
+    """When a boundary passes for an ellipse.
+
+    Attributes:
+        tolerance_px: largest distance of a boundary point to its ellipse.
+        sigma_px: standard deviation of a boundary point at its best.
+        max_rms_px: largest root mean square distance of the points that support the ellipse.
+        min_support: smallest part of the circumference that boundary points cover.
+        min_semi_axis_px: smallest semi-minor axis.
+        min_axis_ratio: smallest ratio of the axes.
+        max_per_boundary: ellipses looked for on one boundary (two touching parts may share one region).
+    """
+
+    tolerance_px: float = 1.2
+    sigma_px: float = 0.03
+    max_rms_px: float = 0.5
+    min_support: float = 0.3
+    min_semi_axis_px: float = 4.0
+    min_axis_ratio: float = 0.2
+    max_per_boundary: int = 2
+
+    def __post_init__(self) -> None:
+        check(self, tolerance_px=POSITIVE, sigma_px=POSITIVE, max_rms_px=POSITIVE, min_semi_axis_px=NOT_NEGATIVE)
+        check(self, min_support=SHARE, min_axis_ratio=SHARE, max_per_boundary=count(1))
+
+
+def region_ellipses(
+    segmentation: Segmentation,
+    gray: NDArray[np.uint8],
+    constraints: AttributeConstraints | None = None,
+    fit: BoundaryFit | None = None,
+    growing: RegionGrowing | None = None,
+) -> list[EllipseFeature]:
+    """Ellipses on the outer and inner boundaries of the regions that the constraints leave.
+
+    The two rims of an annulus bound one region: its outer and its inner boundary each give an ellipse. Parts of
+    a boundary that belong to an occluder do not agree with the rest, and are left out of the fit; what remains
+    has to cover enough of the circumference.
+
+    Args:
+        segmentation: of the image.
+        gray: (H, W) uint8, the image that was segmented.
+        constraints: on the attributes of regions; None prunes nothing.
+        fit: when a boundary passes for an ellipse; None for the defaults.
+        growing: the settings that the segmentation was made with; None for the defaults.
+
+    Returns:
+        Features with ``process="region"`` and the attributes of their region, best score first; one per ellipse,
+        also where regions on its two sides both found it.
+
+    Raises:
+        InputError: when the image is not the one that was segmented, by its shape or type.
+    """
+    fit, growing = fit or BoundaryFit(), growing or RegionGrowing()
+    gray = check_gray(gray)
+    if gray.shape != segmentation.labels.shape:
+        raise InputError(
+            "image", got=gray.shape, expected=f"the shape that was segmented, {segmentation.labels.shape}"
+        )
+    constraints = constraints or AttributeConstraints()
+    regions = segmentation.prune(constraints)
+    outer = [(region.contour, False, region.attributes) for region in regions]
+    inner = [(hole, True, region.attributes) for region in regions for hole in region.holes]
+    # A contour has up to a third fewer points than pixels of length: its diagonal steps are longer than one.
+    least_px, _ = constraints.perimeter_px or (0.0, np.inf)
+    shortest = max(np.pi * fit.min_semi_axis_px, least_px / np.sqrt(2))
+    # Outer boundaries first: an ellipse that two regions share gets the attributes of the region inside it.
+    candidates = [c for c in outer + inner if len(c[0]) > shortest]
+    slopes = gradient(gray, growing.blur_px)
+    boundaries = refine_boundaries([c[:2] for c in candidates], slopes, 32 * growing.edge_low, _SPACING)
+    blur_variance = growing.blur_px**2 + _CAMERA_AND_SOBEL_VARIANCE
+    found = find_ellipses(boundaries, Limits(**asdict(fit), blur_variance=blur_variance, spacing_px=float(_SPACING)))
+    score = found.support / (1 + (found.rms_px / fit.max_rms_px) ** 2)
+    best_first = np.argsort(-score, kind="stable")
+    # Sums over a chain of correlated errors vary more than sums over independent ones, by this factor.
+    covariance = found.covariance * ((1 + _CORRELATION) / (1 - _CORRELATION))
+    return [
+        EllipseFeature(
+            Ellipse(found.p[i], covariance[i]),
+            "region",
+            found.points[found.ends[i] : found.ends[i + 1]],
+            float(found.support[i]),
+            float(score[i]),
+            candidates[found.boundary[i]][2],
+        )
+        for i in best_first[_is_distinct(found.geometric[best_first])]
+    ]
+
+
+def circumference_covered(ellipse: Ellipse, points: Array, cell_px: float = 6.0) -> float:
+    """The part of the circumference, cut into cells of about the given length, that has points (N, 2) near it."""
+    return float(covered(ellipse.geometric, np.asarray(points, dtype=float), cell_px))
+
+
+@njit(cache=True)
+def _is_distinct(geometric):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Which ellipses (N, 5) do not repeat one that is kept before them, up to what a pixel grid can tell apart."""
+    kept = np.zeros(len(geometric), np.bool_)
+    for i in range(len(geometric)):
+        near = 1.0 + 0.02 * geometric[i, 3]
+        kept[i] = True
+        for k in range(i):
+            if kept[k] and np.abs(geometric[i, :4] - geometric[k, :4]).max() < near:
+                kept[i] = False
+                break
+    return kept
