@@ -56,11 +56,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: 0 done, 1 a check has failed, 2 bad input or something missing, 70 a bug, 130 interrupted.
     """
+    _let_every_terminal_show_the_output()
     try:
         return _dispatch(sys.argv[1:] if arguments is None else arguments)
     except FocalpickError as error:
         return _fail(_with_foreign_traceback(error), EXIT_BAD_INPUT)
     except KeyboardInterrupt as error:
+        if arguments is None:  # the process ends with this call; a caller's goes on
+            _ignore_further_interrupts()
         return _fail(str(error) or "stopped", EXIT_INTERRUPTED)
     except BrokenPipeError:
         # The reader of our output has gone, as in `focalpick table DIR | head`; nothing more can be written to it.
@@ -68,6 +71,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     except Exception as error:
         return _fail(_report_bug(error), EXIT_INTERNAL_ERROR)
+
+
+def _let_every_terminal_show_the_output() -> None:
+    """Show "?" for a character that the terminal's encoding does not have, instead of failing."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+
+
+def _ignore_further_interrupts() -> None:
+    """Let an impatient second Ctrl-C not disturb the way out, which would print a traceback."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _dispatch(arguments: Sequence[str]) -> int:

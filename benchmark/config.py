@@ -19,6 +19,8 @@ LOCALIZERS = ("dual", "region", "group", "oracle")
 TASKS: tuple[str, ...] = get_args(Task)
 VIEWS = (2, 3)
 MOST_PIECES = 8
+MOST_SCENES = 100_000
+MOST_WORKERS = 1024
 
 
 @dataclass(frozen=True)
@@ -112,9 +114,9 @@ class SweepConfig:
                 got=",".join(map(str, self.parts)) or "nothing",
                 expected="different part names, separated by commas; name+name for mixed scenes",
             )
-        _check_number("scenes", self.scenes, 1)
+        _check_number("scenes", self.scenes, 1, MOST_SCENES)
         _check_number("seed", self.seed, 0)
-        _check_number("workers", self.workers, 1)
+        _check_number("workers", self.workers, 1, MOST_WORKERS)
         object.__setattr__(self, "variants", tuple(self.variants))
         if len({variant.name for variant in self.variants}) != len(self.variants):
             raise InputError("variants", got=", ".join(v.name for v in self.variants), expected="different ones")

@@ -16,6 +16,10 @@ MAY_BE_MISSING = types.MappingProxyType({"may_be_missing": True})
 """Metadata of a field that files of older versions do not have; where it is missing, it has its default."""
 
 
+LARGEST_INT = 2**63 - 1
+"""JSON knows no limit; what computes with the numbers does."""
+
+
 def decode(cls: type[T], value: object, source: str) -> T:
     """A dataclass from what ``json.loads`` gives for its ``asdict``.
 
@@ -43,6 +47,8 @@ def _decode(expected: Any, value: object, source: str, path: str) -> object:
         return {k: _decode(arguments[1], v, source, f"{path}.{k}") for k, v in value.items()}
     if origin is typing.Literal and value in arguments:
         return value
+    if type(value) is int and abs(value) > LARGEST_INT:
+        raise _error(source, path, f"{str(value)[:12]}... ({len(str(value))} digits)", "a number of at most 64 bits")
     if expected is float and type(value) in (int, float) and math.isfinite(typing.cast(float, value)):
         return float(typing.cast(float, value))
     if expected in (str, int, bool) and type(value) is expected:

@@ -104,6 +104,10 @@ class PieceRecord:
     results: dict[str, ProcessResult]
     failed_stage: str | None = None
 
+    def __post_init__(self) -> None:
+        if not 0 <= self.visibility <= 1:
+            raise InputError("visibility of a piece", got=self.visibility, expected="a share from 0 to 1")
+
 
 @dataclass(frozen=True)
 class PickRecord:
@@ -188,7 +192,7 @@ def parse_object(text: str, source: str) -> dict[str, Any]:
     """
     try:
         fields = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         got = f"{_clip(text)} ({error})"
         raise FileFormatError(source, got=got, expected="JSON", do="Delete it or restore the file.") from None
     if not isinstance(fields, dict):

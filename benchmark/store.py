@@ -38,6 +38,7 @@ class RecordWriter:
             InputError: unwritable, made for another configuration, or in use.
             ResourceError: no space.
         """
+        _check_place(directory)
         try:
             directory.mkdir(parents=True, exist_ok=True)
             self._file: BinaryIO = open(directory / EPISODES_FILE, "ab")  # noqa: SIM115
@@ -54,7 +55,11 @@ class RecordWriter:
     def _lock(self, directory: Path) -> None:
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+        except OSError as error:
+            if error.errno not in (errno.EWOULDBLOCK, errno.EACCES):
+                got = f"a file system without locks ({error.strerror})"
+                do = "Choose an --out on another file system, such as a local disk."
+                raise InputError(f"output {directory}", got=got, expected="one with locks", do=do) from None
             do = "Wait for it, stop it, or choose another --out."
             raise InputError(f"sweep in {directory}", got="one that is running", expected="none", do=do) from None
 
@@ -133,14 +138,29 @@ def read_records(directory: Path) -> list[EpisodeRecord]:
     whole, _, _torn = _read(path).rpartition("\n")
     records: dict[str, EpisodeRecord] = {}
     for number, line in enumerate(whole.split("\n") if whole else [], start=1):
-        record = from_json(line, f"{path} line {number}")
-        records.setdefault(record.key, record)
+        if line.strip():
+            record = from_json(line, f"{path} line {number}")
+            records.setdefault(record.key, record)
     return [records[key] for key in sorted(records)]
 
 
+def _check_place(directory: Path) -> None:
+    """Refuse what would block for ever or litter: a pipe in the records' place, the working directory itself."""
+    _check_regular(directory / EPISODES_FILE)
+    if directory.resolve() == Path.cwd() and not (directory / SWEEP_FILE).exists():
+        do = "Name a directory, such as --out results/mine."
+        raise InputError("output", got=f"the working directory, {directory}", expected="one of its own", do=do)
+
+
+def _check_regular(path: Path) -> None:
+    if path.exists() and not path.is_file():  # opening a pipe waits for its other end
+        raise InputError(str(path), got="a directory, a pipe or a device", expected="a regular file")
+
+
 def _read(path: Path) -> str:
+    _check_regular(path)
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileFormatError(str(path), got=f"a byte that is not UTF-8 at {error.start}", expected="text") from None
     except OSError as error:

@@ -244,7 +244,7 @@ class EllipseLocalizer:
         *,
         joint_edges: bool,
     ) -> tuple[PoseEstimate, ...]:
-        parameters = replace(self.parameters, joint_edges=joint_edges)
+        parameters = replace(self.parameters, joint_edges=joint_edges and self.parameters.joint_edges)
         fields = [EdgeField.from_gray(v.gray) for v in views]
         found = [
             estimate

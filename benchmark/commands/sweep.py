@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from benchmark.config import SweepConfig
     from benchmark.records import EpisodeRecord
 
+EXIT_FAILED_EPISODES = 1
+
 
 def sweep(
     preset: Name = "table1",
@@ -43,6 +45,7 @@ def sweep(
     An episode drops a few equal parts into a bin, photographs them with the camera on the robot's wrist from two or
     three viewpoints, finds their poses in the images, and lets the robot pick one. A sweep that was stopped or killed
     goes on where it stopped when the same command is given again. The results do not depend on the number of workers.
+    The exit code is 1 when an episode did not finish.
 
     Example: focalpick sweep --parts hub,cover2 --scenes 5 --out results/mine
 
@@ -91,8 +94,10 @@ def sweep(
     for record in records:
         if record.error is not None:
             print_line(f"episode {record.key} did not finish: {record.error}")
-    print_line(f"{len(records)} episodes are recorded in {out}. Next: focalpick table {out}")
-    return 0
+    failed = sum(record.error is not None for record in records)
+    told = f", of which {failed} did not finish" if failed else ""
+    print_line(f"{len(records)} episodes are recorded in {out}{told}. Next: focalpick table {out}")
+    return EXIT_FAILED_EPISODES if failed else 0
 
 
 def _run(config: SweepConfig, out: Path, progress: SweepProgress) -> list[EpisodeRecord]:

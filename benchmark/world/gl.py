@@ -12,6 +12,7 @@ from vision.errors import ResourceError
 
 APT_PACKAGES = ("libegl1", "libegl-mesa0", "libgl1", "libgl1-mesa-dri", "libosmesa6")
 _VARIABLE = "MUJOCO_GL"
+_LEFTOVERS = ("PYOPENGL_PLATFORM", "MUJOCO_EGL_DEVICE_ID")
 _PROBE = """
 import mujoco
 context = mujoco.GLContext(16, 16)
@@ -35,7 +36,8 @@ def choose_backend() -> str:
     Raises:
         ResourceError: no candidate can draw; the message names the packages to install.
     """
-    if chosen := os.environ.get(_VARIABLE, ""):
+    if chosen := os.environ.get(_VARIABLE, "").strip().lower():
+        os.environ[_VARIABLE] = chosen  # MuJoCo passes over capitals, not everything that reads the variable does
         return chosen
     for backend in candidates(os.environ):
         if works(backend):
@@ -43,6 +45,7 @@ def choose_backend() -> str:
             if context_module := sys.modules.get("mujoco.rendering.classic.gl_context"):
                 importlib.reload(context_module)
             return backend
+    _blame_a_leftover()
     raise ResourceError(
         f"OpenGL: got no working backend of {', '.join(candidates(os.environ))}; expected one to draw with. "
         f"Run: sudo apt-get install -y {' '.join(APT_PACKAGES)}"
@@ -57,8 +60,21 @@ def require_backend() -> str:
     """
     asked = os.environ.get(_VARIABLE, "")
     if asked and not works(asked):
+        _blame_a_leftover()
         raise ResourceError(f"OpenGL: {_VARIABLE}={asked} does not work here; unset it")
     return choose_backend()
+
+
+def _blame_a_leftover() -> None:
+    """Name a variable, left over from other software, without which a backend would work.
+
+    Raises:
+        ResourceError: there is one.
+    """
+    for name in (name for name in _LEFTOVERS if name in os.environ):
+        without = {key: value for key, value in os.environ.items() if key != name}
+        if any(works(backend, environment=without) for backend in candidates(without)):
+            raise ResourceError(f"OpenGL: {name}={os.environ[name]} keeps it from working. Run: unset {name}")
 
 
 def candidates(environment: Mapping[str, str]) -> tuple[str, ...]:
@@ -69,9 +85,9 @@ def candidates(environment: Mapping[str, str]) -> tuple[str, ...]:
     return ("glfw", "egl", "osmesa") if has_display else ("egl", "osmesa")
 
 
-def works(backend: str, timeout_s: float = 60.0) -> bool:
+def works(backend: str, timeout_s: float = 60.0, environment: Mapping[str, str] | None = None) -> bool:
     """Whether MuJoCo can make an OpenGL context with this backend, tried in a process of its own."""
-    environment = {**os.environ, _VARIABLE: backend}
+    environment = {**(os.environ if environment is None else environment), _VARIABLE: backend}
     try:
         probe = subprocess.run(
             [sys.executable, "-c", _PROBE], env=environment, capture_output=True, timeout=timeout_s, check=False

@@ -88,7 +88,7 @@ def test_run_prints_each_piece(simulator: types.ModuleType, capsys: pytest.Captu
         (["sweep", "--parts", "hub,,cover1"], "got nothing"),
         (["sweep", "--sensor", "moon"], "expected ideal or lab or shopfloor"),
         (["sweep", "--preset", "table2"], "expected table1 or smoke"),
-        (["sweep", "--scenes", "0"], "at least 1"),
+        (["sweep", "--scenes", "0"], "from 1 to 100000"),
         (["sweep", "--scenes", "many"], "--scenes"),
         (["sweep", "--scenery", "3"], "--scenery"),
         (["run", "--part", "hat"], "got hat; expected one of hub"),
@@ -347,3 +347,38 @@ def test_ctrl_c_ends_the_program_even_where_an_import_swallows_it(tmp_path):
         process.send_signal(signal.SIGINT)
         rest, errors = process.communicate(timeout=20)
     assert (process.returncode, rest, errors) == (130, "", "focalpick: stopped\n")
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "iso8859-15", "cp1252"])
+def test_a_terminal_without_a_character_shows_a_question_mark(encoding):
+    text = "0.5\N{DEGREE SIGN} \N{BOX DRAWINGS LIGHT HORIZONTAL} \N{GREEK SMALL LETTER MU}m"
+    code = f"from benchmark import cli; cli._let_every_terminal_show_the_output(); print({text!a})"
+    environment = os.environ | {"PYTHONIOENCODING": encoding}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True)
+    assert b"0.5" in done.stdout
+    assert b"?" in done.stdout
+
+
+@pytest.mark.slow
+def test_impatient_ctrl_c_prints_no_traceback(tmp_path: Path) -> None:
+    script, out = tmp_path / "script.py", tmp_path / "out"
+    patient = 'main(["sweep", "--scenes", "200", "--parts", "hub", "--workers", sys.argv[2], "--out", sys.argv[1]])'
+    assert patient in SLOW_SWEEP
+    source = SLOW_SWEEP.replace(patient, "main()").format(tests=str(Path(__file__).parent))
+    script.write_text(source)
+    options = ["sweep", "--scenes", "200", "--parts", "hub", "--workers", "1", "--out", str(out)]
+    process = subprocess.Popen([sys.executable, str(script), *options], stderr=subprocess.PIPE, text=True)
+    try:
+        deadline = time.monotonic() + 60
+        while not (out / EPISODES_FILE).exists() or not (out / EPISODES_FILE).read_bytes():
+            assert time.monotonic() < deadline, "the sweep did not get going"
+            time.sleep(0.05)
+        for _ in range(3):
+            process.send_signal(signal.SIGINT)
+            time.sleep(0.02)
+        _, err = process.communicate(timeout=60)
+    finally:
+        if process.poll() is None:
+            process.kill()
+    assert process.returncode == 130
+    assert "Traceback" not in err

@@ -38,3 +38,20 @@ def test_without_any_the_message_names_the_packages(monkeypatch: pytest.MonkeyPa
 
 def test_a_backend_that_mujoco_does_not_know_does_not_work() -> None:
     assert not gl.works("crayons")
+
+
+def test_capitals_are_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "EGL")
+    assert gl.choose_backend() == "egl"
+    assert gl.os.environ["MUJOCO_GL"] == "egl"
+
+
+def test_a_leftover_variable_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def works_without_leftover(backend, environment=gl.os.environ):
+        return "MUJOCO_EGL_DEVICE_ID" not in environment
+
+    monkeypatch.setenv("MUJOCO_GL", "")
+    monkeypatch.setenv("MUJOCO_EGL_DEVICE_ID", "3")
+    monkeypatch.setattr(gl, "works", works_without_leftover)
+    with pytest.raises(ResourceError, match="unset MUJOCO_EGL_DEVICE_ID"):
+        gl.choose_backend()

@@ -26,7 +26,8 @@ class MatchingParameters:
         far_depth_shares: the same for a pose that only one view supports.
         leash: how far a refinement may move a pose before it has run away, in part diameters.
         calibration: how unsure the calibration of the views is; it widens the covariances and moves no pose.
-        joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points.
+        joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points, as a
+            localizer with one extractor always does.
     """
 
     candidates: int = 16
