@@ -16,6 +16,11 @@ from pathlib import Path
 from vision.errors import FocalpickError
 
 ROOT = Path(__file__).resolve().parents[1]
+RESTORE = (
+    "Restore it: git checkout -- assets"
+    if (ROOT / ".git").exists()
+    else "Install again: pip install --force-reinstall --no-deps focalpick's address or folder"
+)
 LEAST_FREE_MB = 200
 REINSTALL = "Run: make clean && make test, or pip install -e . -c constraints.txt"
 
@@ -126,7 +131,7 @@ def check_assets() -> Iterator[Finding]:
         yield Finding(f"part {name}", not missing, text, "Run: focalpick assets build")
     for name in ("puma761.xml", "gripper.xml"):
         found = (ROOT / "assets" / "scenes" / name).exists()
-        yield Finding(f"scene {name}", found, "there" if found else "missing", "Restore it: git checkout -- assets")
+        yield Finding(f"scene {name}", found, "there" if found else "missing", RESTORE)
 
 
 def check_models() -> Iterator[Finding]:
@@ -136,7 +141,7 @@ def check_models() -> Iterator[Finding]:
 
     for name in PART_NAMES:
         path = ROOT / "assets" / "models" / f"{name}.json"
-        remedy = "Restore it: git checkout -- assets/models"
+        remedy = RESTORE
         if not path.exists():
             yield Finding(f"vision model {name}", False, f"no {path.name}", remedy)
             continue

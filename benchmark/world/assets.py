@@ -42,11 +42,10 @@ def build_assets(directory: Path = ASSETS) -> list[Path]:
         The files written, in order.
     """
     meshes = directory / "meshes"
-    meshes.mkdir(parents=True, exist_ok=True)
     written, properties = [], {}
     for design in DESIGNS.values():
         vertices, faces = canonical(design.solid())
-        visual = meshes / f"{design.name}.obj"
+        visual = visual_path(meshes, design.name)
         _write(visual, obj_text(vertices, faces, crease_normals(vertices, faces)))
         pieces = []
         for k, piece in enumerate(design.pieces()):
@@ -59,9 +58,14 @@ def build_assets(directory: Path = ASSETS) -> list[Path]:
     return [*written, meshes / PROPERTIES_FILE]
 
 
+def visual_path(meshes: Path, name: str) -> Path:
+    """File of the mesh of a part that is drawn."""
+    return meshes / name / "visual.obj"
+
+
 def piece_path(meshes: Path, name: str, k: int) -> Path:
     """File of the k-th collision piece of a part."""
-    return meshes / f"{name}_collision_{k:02d}.obj"
+    return meshes / name / "collision" / f"{k:02d}.obj"
 
 
 def canonical(solid: Manifold) -> tuple[Floats, Ints]:
@@ -170,6 +174,7 @@ def existing(path: Path) -> Path:
 
 
 def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="ascii", newline="\n")
 
 

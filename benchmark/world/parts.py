@@ -165,7 +165,7 @@ def get_part(name: str) -> Part:
         diameter_m=design.diameter * 1e-3,
         density_kg_m3=design.density_kg_m3,
         rgba=design.rgba,
-        visual_mesh=assets.existing(meshes / f"{name}.obj"),
+        visual_mesh=assets.existing(assets.visual_path(meshes, name)),
         collision_meshes=tuple(assets.existing(assets.piece_path(meshes, name, k)) for k in pieces),
         mass_kg=mass,
         centre_of_mass_m=centre,

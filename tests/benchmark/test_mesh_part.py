@@ -13,7 +13,7 @@ from manifold3d import CrossSection, Manifold
 
 from benchmark.localizers import load_model
 from benchmark.world import convex_pieces, mesh_part
-from benchmark.world.assets import ASSETS, read_vertices
+from benchmark.world.assets import ASSETS, read_vertices, visual_path
 from benchmark.world.designs import DESIGNS
 from benchmark.world.mesh_file import MeshReference
 from benchmark.world.mesh_part import part_from_mesh
@@ -102,7 +102,7 @@ def test_a_lid_has_no_bore(tmp_path):
 
 @pytest.mark.parametrize("name", list(DESIGNS))
 def test_own_parts_are_measured_as_they_were_drawn(name):
-    own, measured = get_part(name), part_from_mesh(ASSETS / "meshes" / f"{name}.obj")
+    own, measured = get_part(name), part_from_mesh(visual_path(ASSETS / "meshes", name))
     density = own.density_kg_m3 / measured.density_kg_m3
     assert measured.symmetry.fold == DESIGNS[name].fold
     assert measured.mass_kg * density == pytest.approx(own.mass_kg, rel=1e-3)

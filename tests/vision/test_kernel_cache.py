@@ -1,7 +1,12 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
+from types import SimpleNamespace
 
+import pytest
+
+from vision import kernel_cache
 from vision.kernel_cache import digest
 
 
@@ -30,9 +35,28 @@ def cache_directory(**environment):
     return done.stdout.strip()
 
 
-def test_kernels_are_kept_apart_by_their_sources_unless_the_user_says_where(tmp_path):
-    assert "kernels-" in cache_directory()
-    assert cache_directory(NUMBA_CACHE_DIR=str(tmp_path)) == str(tmp_path)
+def test_kernels_are_kept_apart_by_their_sources_wherever_they_are_kept(tmp_path):
+    assert Path(cache_directory()).name.startswith("kernels-")
+    inside = Path(cache_directory(NUMBA_CACHE_DIR=str(tmp_path)))
+    assert inside.parent == tmp_path
+    assert inside.name == Path(cache_directory()).name
+
+
+def test_a_child_process_keeps_its_parents_folder(tmp_path):
+    parents = cache_directory(NUMBA_CACHE_DIR=str(tmp_path))
+    assert cache_directory(NUMBA_CACHE_DIR=parents) == parents
+
+
+@pytest.mark.parametrize("home", ["", "/proc/no/such/home"])
+def test_without_a_place_to_write_kernels_go_to_a_temporary_folder(home, tmp_path, monkeypatch):
+    monkeypatch.setattr(kernel_cache, "__file__", "/proc/no/such/package/kernel_cache.py")
+    monkeypatch.setattr(kernel_cache.tempfile, "gettempdir", lambda: str(tmp_path))
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", home)
+    monkeypatch.setattr(kernel_cache, "sys", SimpleNamespace(modules={}))
+    kernel_cache.settle()
+    assert Path(os.environ["NUMBA_CACHE_DIR"]).is_relative_to(tmp_path)
 
 
 def test_numba_may_be_imported_before():
