@@ -57,10 +57,10 @@ def as_solids(boxes):
 
 
 def test_built_files_equal_the_committed_ones(tmp_path):
-    built = assets.build_assets(tmp_path)
-    committed = assets.ASSETS / "meshes"
-    assert {path.name for path in built} == {path.name for path in committed.iterdir()}
-    assert [path.name for path in built if path.read_bytes() != (committed / path.name).read_bytes()] == []
+    built = [path.relative_to(tmp_path) for path in assets.build_assets(tmp_path)]
+    committed = [path.relative_to(assets.ASSETS) for path in (assets.ASSETS / "meshes").rglob("*") if path.is_file()]
+    assert set(built) == set(committed)
+    assert [path for path in built if (tmp_path / path).read_bytes() != (assets.ASSETS / path).read_bytes()] == []
 
 
 def test_visual_mesh_is_closed_and_of_the_nominal_size(part):
