@@ -10,6 +10,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from benchmark.child_process import ended_by_signals
 from benchmark.config import EpisodeConfig, SweepConfig, episodes
 from benchmark.localizer_error import LocalizerError
 from benchmark.records import EpisodeRecord
@@ -26,12 +27,12 @@ SINGLE_THREADED = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL
 """One thread for each process: the sweep itself fills the cores, and sums do not depend on the number of threads.
 ``LP_NUM_THREADS`` is that of Mesa's software renderer."""
 
-_IGNORE_INTERRUPT = """
-import signal
+_BEGIN_WORKER = """
+from benchmark.child_process import begin_worker
 
-signal.signal(signal.SIGINT, signal.SIG_IGN)
+begin_worker()
 """
-"""Runs in every worker: a terminal sends Ctrl-C to all processes, but only the sweep itself is to answer it."""
+"""Runs in every worker before its first episode."""
 
 _STOPPING = (ResourceError, FileFormatError)
 """Errors of the machine and of files, which every further episode would meet too; they end the sweep."""
@@ -203,13 +204,14 @@ def _client(workers: int) -> Iterator[Client]:
     settings = {
         "logging.distributed": "critical",
         "distributed.nanny.pre-spawn-environ": environment,
-        "distributed.worker.preload": [_IGNORE_INTERRUPT],
+        "distributed.worker.preload": [_BEGIN_WORKER],
         "distributed.worker.memory.target": False,  # an episode cannot be spilled or paused half-way
         "distributed.worker.memory.spill": False,
         "distributed.worker.memory.pause": False,
         "distributed.worker.memory.terminate": False,
     }
     with (
+        ended_by_signals(),
         _without_port_warning(),
         dask.config.set(settings),
         LocalCluster(

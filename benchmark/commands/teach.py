@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+from benchmark.child_process import ended_by_signals
 from benchmark.commands.common import OptionalPath, prepare_process, print_line
 from vision.errors import InputError
 
@@ -55,6 +56,22 @@ def teach(
         expected = "exactly one of --part, --views, --mesh and --replay"
         raise InputError("arguments", got=" and ".join(given) or "none of them", expected=expected)
     prepare_process()
+    with ended_by_signals():
+        _open_page(part, views, mesh, unit, diameter_mm, dir, out, port, show)
+    return 0
+
+
+def _open_page(
+    part: str | None,
+    views: Path | None,
+    mesh: Path | None,
+    unit: str,
+    diameter_mm: float | None,
+    dir: Path | None,
+    out: Path | None,
+    port: int | None,
+    show: bool,
+) -> None:
     from benchmark.teaching_services import LessonServices, open_mesh, open_part, open_views
     from vision.teaching.editor.server import serve
 
@@ -66,7 +83,6 @@ def teach(
     else:
         directory, services = open_part(str(part), dir)
     serve(directory, out or directory / "model.json", services, port, show)
-    return 0
 
 
 def _replay(session: Path, out: Path | None) -> int:

@@ -14,6 +14,7 @@ from multiprocessing.synchronize import Event
 from typing import Any, TypeVar
 
 from vision.errors import ResourceError
+from vision.teaching.editor.child_process import end_with_parent
 
 T = TypeVar("T")
 Report = Callable[[Any], object]
@@ -99,8 +100,9 @@ _stop: Event
 
 
 def _begin(messages: Queue[Message | None], stop: Event) -> None:
-    """Settle the new process: it leaves Ctrl-C to its parent."""
+    """Settle the new process: it ends with its parent, and leaves Ctrl-C to it."""
     global _messages, _stop
+    end_with_parent()
     _messages, _stop = messages, stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     import cv2
