@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
+from vision.errors import InputError
 from vision.model.vision_model import Role, VisionModel
 
 Array = NDArray[np.float64]
@@ -96,3 +97,14 @@ class PoseEstimate:
     views: int
     inplane_known: bool
     features: tuple[FeatureSupport, ...] = ()
+
+    def __post_init__(self) -> None:
+        covariance = np.array(self.covariance, dtype=np.float64)
+        if covariance.shape != (6, 6):
+            raise InputError("covariance of a pose", got=f"shape {covariance.shape}", expected="(6, 6)")
+        covariance.flags.writeable = False
+        object.__setattr__(self, "covariance", covariance)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Run the constructor again after unpickling, so that the covariance stays read-only."""
+        return (PoseEstimate, tuple(getattr(self, field.name) for field in fields(self)))
