@@ -130,6 +130,8 @@ def read_config(directory: Path) -> SweepConfig:
 def read_records(directory: Path) -> list[EpisodeRecord]:
     """The records of a sweep, sorted by key, one per episode; a torn last line is passed over.
 
+    Of an episode that failed and was tried again, the later record counts.
+
     Raises:
         InputError: no sweep there.
         FileFormatError: a line other than a torn last one cannot be read; names line and field.
@@ -140,7 +142,9 @@ def read_records(directory: Path) -> list[EpisodeRecord]:
     for number, line in enumerate(whole.split("\n") if whole else [], start=1):
         if line.strip():
             record = from_json(line, f"{path} line {number}")
-            records.setdefault(record.key, record)
+            earlier = records.get(record.key)
+            if earlier is None or earlier.error is not None:
+                records[record.key] = record
     return [records[key] for key in sorted(records)]
 
 

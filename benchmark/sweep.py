@@ -120,7 +120,7 @@ def _real_run_episode() -> RunEpisode:
 
 
 def _remaining(plan: list[EpisodeConfig], recorded: list[EpisodeRecord], out: Path) -> list[EpisodeConfig]:
-    """The planned episodes without a record.
+    """The planned episodes without a record, or with one that says that they did not finish.
 
     Raises:
         InputError: a record is of an episode that is not planned.
@@ -133,7 +133,7 @@ def _remaining(plan: list[EpisodeConfig], recorded: list[EpisodeRecord], out: Pa
             raise InputError(
                 f"records in {out}", got=f"episode {record.key} of another one", expected=expected, do=do
             )
-    done = {record.key for record in recorded}
+    done = {record.key for record in recorded if record.error is None}
     return [config for config in plan if config.key not in done]
 
 

@@ -136,6 +136,14 @@ def test_a_failing_episode_is_recorded_and_the_others_run(tmp_path: Path) -> Non
     assert failed["hub/001"].startswith("ZeroDivisionError: over there (test_sweep.py:")
 
 
+def test_failed_episodes_run_again_once_the_cause_is_mended(tmp_path: Path) -> None:
+    sweep = SweepConfig(parts=("hub",), scenes=3, workers=1)
+    broken = run_sweep(sweep, tmp_path, failing_episode)
+    assert [record.error is None for record in broken] == [True, False, True]
+    mended = run_sweep(sweep, tmp_path, fake_episode)
+    assert comparable(mended) == comparable(run_sweep(sweep, tmp_path / "undisturbed", fake_episode))
+
+
 @pytest.mark.slow
 def test_an_episode_that_kills_its_workers_is_recorded_and_the_others_run(tmp_path: Path) -> None:
     records = run_sweep(CONFIG, tmp_path, killing_episode, workers=2)
