@@ -106,7 +106,7 @@ def read_thresholds(path: Path) -> Thresholds:
         FileFormatError: not TOML, an unknown section or key (the message lists the valid ones), or no number.
     """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise InputError(f"thresholds {path}", got=error.strerror, expected="a readable TOML file") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

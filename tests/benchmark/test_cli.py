@@ -38,7 +38,7 @@ def simulator(monkeypatch: pytest.MonkeyPatch) -> types.ModuleType:
     module = types.ModuleType("benchmark.episode")
     module.run_episode = fake_episode
     monkeypatch.setitem(sys.modules, "benchmark.episode", module)
-    monkeypatch.setattr("benchmark.world.gl.works", lambda _: True)
+    monkeypatch.setattr("benchmark.world.gl.works", lambda *_, **__: True)
     return module
 
 
@@ -123,7 +123,7 @@ def test_missing_or_corrupt_vision_model(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr("benchmark.world.gl.works", lambda _: True)
+    monkeypatch.setattr("benchmark.world.gl.works", lambda *_, **__: True)
     monkeypatch.setattr("benchmark.localizers.MODELS", tmp_path)
     benchmark.localizers.load_model.cache_clear()
     if content is not None:
@@ -156,7 +156,7 @@ def test_wrong_thresholds_key(
 
 
 def test_missing_gl(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr("benchmark.world.gl.works", lambda _: False)
+    monkeypatch.setattr("benchmark.world.gl.works", lambda *_, **__: False)
     for asked in ("osmesa", ""):
         monkeypatch.setenv("MUJOCO_GL", asked)
         assert "apt-get install" in fails_with_one_line(capsys, "run")
@@ -263,7 +263,7 @@ def test_output_into_a_closed_pipe_is_no_error(tmp_path: Path, simulator: types.
 
 
 def test_doctor_finds_what_is_wrong(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr("benchmark.world.gl.works", lambda _: False)
+    monkeypatch.setattr("benchmark.world.gl.works", lambda *_, **__: False)
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     assert cli.main(["doctor"]) == 1
     assert "problem  OpenGL" in capsys.readouterr().out

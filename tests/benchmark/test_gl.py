@@ -31,7 +31,7 @@ def test_the_first_that_works_is_kept_for_child_processes(monkeypatch: pytest.Mo
 
 def test_without_any_the_message_names_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "")
-    monkeypatch.setattr(gl, "works", lambda _: False)
+    monkeypatch.setattr(gl, "works", lambda *_, **__: False)
     with pytest.raises(ResourceError, match=r"apt-get install .*libegl1 .*libosmesa6"):
         gl.choose_backend()
 

@@ -152,7 +152,7 @@ def test_ctrl_c_passes_through(written):
 
 
 def test_the_command_names_the_users_file_and_keeps_the_traceback(written, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("benchmark.world.gl.works", lambda _: True)
+    monkeypatch.setattr("benchmark.world.gl.works", lambda *_, **__: True)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     name = written("def make(models):\n    return helper()\ndef helper():\n    raise OSError('no camera')")
     assert cli.main(["run", "--localizer", name]) == 2
@@ -166,7 +166,7 @@ def test_the_command_names_the_users_file_and_keeps_the_traceback(written, tmp_p
 
 
 def test_what_is_refused_without_an_error_of_the_users_saves_no_traceback(written, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("benchmark.world.gl.works", lambda _: True)
+    monkeypatch.setattr("benchmark.world.gl.works", lambda *_, **__: True)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     assert cli.main(["run", "--localizer", written("def make(models):\n    pass")]) == 2
     assert "got None" in capsys.readouterr().err

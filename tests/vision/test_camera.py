@@ -116,10 +116,31 @@ def test_a_camera_is_made_of_what_opencv_calibrates(coefficients):
         (np.eye(2), BENT, "calibration matrix"),
         ([[700, 0.5, 311], [0, 700, 250], [0, 0, 1]], BENT, "calibration matrix"),  # skew
         ([[700, 0, 0], [0, 700, 0], [311, 250, 1]], BENT, "calibration matrix"),  # transposed
-        ([[700, 0, 311], [0, 700, 250], [0, 0, 1]], np.zeros(8), "lens distortion: got 8 numbers"),
+        ([[700, 0, 311], [0, 700, 250], [0, 0, 1]], np.zeros(7), "lens distortion: got 7 numbers"),
     ],
     ids=str,
 )
 def test_a_calibration_that_the_camera_cannot_have_is_refused(matrix, distortion, named):
     with pytest.raises(InputError, match=named):
         Camera.from_matrix(matrix, (640, 480), distortion)
+
+
+@pytest.mark.parametrize("given", [None, [], *(np.zeros(n) for n in (4, 5, 8, 12, 14))], ids=str)
+def test_a_lens_without_distortion_may_be_said_in_all_of_opencvs_ways(given):
+    K = [[700, 0, 311], [0, 700, 250], [0, 0, 1]]
+    assert Camera.from_matrix(K, (640, 480), given).distortion == (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_coefficients_beyond_the_fifth_are_refused_with_a_remedy():
+    with pytest.raises(InputError, match="CALIB_RATIONAL_MODEL"):
+        Camera.from_matrix(np.eye(3), (640, 480), [0.1, 0, 0, 0, 0, 0.2, 0, 0])
+
+
+@pytest.mark.parametrize(
+    "k", [(-0.30, 0.10, 0.0, 0.0, -0.015), (-0.38, 0.18, 0.0, 0.0, -0.04), (-0.2, 0.05, 0.001, -0.001, 0.0)]
+)
+def test_rays_undo_projection_in_the_corners_of_a_wide_lens(k):
+    camera = Camera(640, 480, 330.0, 330.0, 320.0, 240.0, k)
+    directions = np.stack(np.meshgrid(np.linspace(-0.9, 0.9, 19), np.linspace(-0.68, 0.68, 15)), -1).reshape(-1, 2)
+    pixels = camera.project(np.column_stack([directions, np.ones(len(directions))]))
+    assert np.abs(camera.rays(pixels)[:, :2] - directions).max() * 330 < 1e-3

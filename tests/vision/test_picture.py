@@ -76,3 +76,17 @@ def test_standard_error_is_there_again_after_a_picture(tmp_path, capfd):
     read_picture(saved(tmp_path / "a.png", GREY))
     os.write(2, b"heard")
     assert capfd.readouterr().err == "heard"
+
+
+def test_what_belongs_to_intrinsics_is_not_turned_by_its_exif_orientation(tmp_path):
+    image = np.zeros((16, 32), np.uint8)
+    image[:8, :16] = 255
+    _, encoded = cv2.imencode(".jpg", image)
+    half_a_turn = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x03\0\0\0\0\0\0"
+    block = b"Exif\0\0" + half_a_turn
+    marker = b"\xff\xe1" + (len(block) + 2).to_bytes(2, "big") + block
+    path = tmp_path / "turned.jpg"
+    path.write_bytes(encoded.tobytes()[:2] + marker + encoded.tobytes()[2:])
+    as_sensor, as_looked_at = read_picture(path, turned=False), read_picture(path)
+    assert as_sensor[2, 2] > 200 > as_sensor[13, 29]
+    assert as_looked_at[13, 29] > 200 > as_looked_at[2, 2]

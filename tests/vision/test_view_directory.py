@@ -85,7 +85,7 @@ WRONG = [
     (("views", 0, "name"), 5),
     (("views", 0, "camera", "fx"), 0),
     (("views", 0, "camera", "width_px"), 640.5),
-    (("views", 0, "camera", "distortion"), [0, 0, 0, 0]),
+    (("views", 0, "camera", "distortion"), [0, 0, 0]),
     (("views", 0, "camera", "skew"), 0),
     (("views", 1, "T_part_camera"), [[1, 0, 0, 0]]),
     (("views", 1, "T_part_camera", 2), [1, 0, 0]),

@@ -32,7 +32,7 @@ def read_text(path: Path, what: str, do: str) -> str:
         FileFormatError: when it is not UTF-8.
     """
     try:
-        return path.read_bytes().decode("utf-8")
+        return path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         raise InputError(what, got=f"{path} ({error})", expected="a readable file", do=do) from error
     except UnicodeDecodeError as error:

@@ -21,11 +21,16 @@ FAINTEST_16_BIT = 4096
 _one_decoder = threading.Lock()
 
 
-def read_picture(path: Path | str) -> NDArray[np.uint8]:
+def read_picture(path: Path | str, *, turned: bool = True) -> NDArray[np.uint8]:
     """Read a picture: PNG, JPEG, TIFF, or what else OpenCV reads.
 
     16 bits per channel are scaled to 8 by 1/257, so that the brightest level that the file can hold becomes 255. The
     scale is that of the file and not of what it shows, so that several pictures of a scene stay comparable.
+
+    Args:
+        path: of the picture.
+        turned: whether to turn it as its EXIF orientation says, as people look at it; False keeps the rows and
+            columns of the sensor, which a camera's intrinsics belong to.
 
     Returns:
         (H, W) grey levels or (H, W, 3) RGB; transparency is dropped.
@@ -39,19 +44,20 @@ def read_picture(path: Path | str) -> NDArray[np.uint8]:
         encoded = np.frombuffer(path.read_bytes(), np.uint8)
     except OSError as error:
         raise InputError(f"picture {path}", got=error.strerror, expected=EXPECTED) from None
-    image = _decoded(encoded)
+    image = _decoded(encoded, turned)
     if image is None:
         raise InputError(f"picture {path}", got="a file that cannot be decoded", expected=EXPECTED)
     levels = _eight_bits(image, path)
     return levels if levels.ndim == 2 else np.asarray(cv2.cvtColor(levels, cv2.COLOR_BGR2RGB), np.uint8)
 
 
-def _decoded(encoded: NDArray[np.uint8]) -> NDArray[np.generic] | None:
+def _decoded(encoded: NDArray[np.uint8], turned: bool) -> NDArray[np.generic] | None:
     if encoded.size == 0:
         return None
     with _silent_decoders():
         try:
-            return cv2.imdecode(encoded, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
+            keep = 0 if turned else cv2.IMREAD_IGNORE_ORIENTATION
+            return cv2.imdecode(encoded, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | keep)
         except cv2.error:
             return None
 

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from vision.errors import FileFormatError, InputError
 from vision.files.json_reader import JsonValue, parse, read_text
 from vision.files.picture import read_picture
-from vision.geometry.camera import Camera, View, rigid_transform
+from vision.geometry.camera import Camera, View, distortion_of, rigid_transform
 
 SCHEMA_VERSION = 1
 VIEWS_FILE = "views.json"
@@ -104,7 +104,7 @@ def read_view(item: JsonValue, directory: Path, pose_key: str) -> View:
     camera = _camera_from(d["camera"])
     name = d["image"].text()
     d["image"].check(Path(name).name == name, "a file name without a directory")
-    image = read_picture(directory / name)
+    image = read_picture(directory / name, turned=False)
     if image.shape[:2] != (camera.height_px, camera.width_px):
         raise FileFormatError(
             f"{item.source}: {d['image'].path}",
@@ -157,7 +157,14 @@ def _view_to_dict(view: View, file: str, pose_key: str) -> dict[str, Any]:
 
 def _camera_from(item: JsonValue) -> Camera:
     d = item.members("width_px", "height_px", "fx", "fy", "cx", "cy", "distortion")
-    k1, k2, p1, p2, k3 = d["distortion"].vector(5).tolist()
+    coefficients = d["distortion"]
+    bent = None if coefficients.value is None else [number.number() for number in coefficients.items()]
+    try:
+        distortion = distortion_of(bent)
+    except InputError as error:
+        do = error.do or "Give k1, k2, p1, p2, k3; an empty list is a lens without distortion."
+        what = f"{coefficients.source}: field {coefficients.path}"
+        raise FileFormatError(what, got=error.got, expected=error.expected, do=do) from None
     return Camera(
         d["width_px"].count(),
         d["height_px"].count(),
@@ -165,7 +172,7 @@ def _camera_from(item: JsonValue) -> Camera:
         d["fy"].positive(),
         d["cx"].number(),
         d["cy"].number(),
-        (k1, k2, p1, p2, k3),
+        distortion,
     )
 
 

@@ -78,26 +78,26 @@ class Camera:
 
     @classmethod
     def from_matrix(
-        cls, matrix: ArrayLike, resolution_px: tuple[int, int], distortion: ArrayLike = (0.0, 0.0, 0.0, 0.0, 0.0)
+        cls, matrix: ArrayLike, resolution_px: tuple[int, int], distortion: ArrayLike | None = None
     ) -> Camera:
         """The camera that ``cv2.calibrateCamera`` found.
 
         Args:
             matrix: the 3x3 calibration matrix, without skew.
             resolution_px: width and height of the image.
-            distortion: k1, k2, p1, p2 and, unless it is 0, k3, in an array of any shape.
+            distortion: k1, k2, p1, p2, k3 and more that are 0, as OpenCV returns 4, 5, 8, 12 or 14 of them, in an
+                array of any shape; empty or None for a lens without distortion.
 
         Raises:
             InputError: when the matrix is no such matrix, or the lens has more coefficients.
         """
-        K, bent = np.asarray(matrix, dtype=float), np.ravel(np.asarray(distortion, dtype=float)).tolist()
+        K = np.asarray(matrix, dtype=float)
         empty = [(0, 1), (1, 0), (2, 0), (2, 1)]
         if K.shape != (3, 3) or any(K[place] != 0 for place in empty) or K[2, 2] != 1:
             expected = "a 3x3 matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
             raise InputError("calibration matrix", got=K.tolist(), expected=expected)
-        bent += [0.0] * (len(bent) == 4)
         fx, fy, cx, cy = (float(K[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
-        return cls(resolution_px[0], resolution_px[1], fx, fy, cx, cy, tuple(bent))
+        return cls(resolution_px[0], resolution_px[1], fx, fy, cx, cy, distortion_of(distortion))
 
     def reduced(self, block_px: int) -> Camera:
         """The camera that takes each block of pixels, ``block_px`` wide and high, for one pixel."""
@@ -135,11 +135,33 @@ class Camera:
         """Viewing rays (N, 3) with z = 1 in the camera frame, through distorted pixels (N, 2)."""
         pixels_array = np.atleast_2d(np.asarray(pixels, dtype=float))
         if any(self.distortion):
-            flat = cv2.undistortPoints(pixels_array[:, None, :], self.matrix, np.array(self.distortion))
+            # Five iterations, OpenCV's default, leave half a pixel in the corners of a wide lens.
+            until = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-9)
+            bent = np.array(self.distortion)
+            flat = cv2.undistortPoints(pixels_array[:, None, :], self.matrix, bent, criteria=until)
             normalised = flat.reshape(-1, 2)
         else:
             normalised = (pixels_array - (self.cx, self.cy)) / (self.fx, self.fy)
         return np.column_stack([normalised, np.ones(len(normalised))])
+
+
+def distortion_of(coefficients: ArrayLike | None) -> tuple[float, float, float, float, float]:
+    """The five coefficients of a lens, k1, k2, p1, p2, k3, from as many as OpenCV gives.
+
+    Args:
+        coefficients: 4, 5, 8, 12 or 14 numbers in OpenCV's order, those after k3 being 0; none for no distortion.
+
+    Raises:
+        InputError: another number of them, or a lens that five do not describe.
+    """
+    given = [] if coefficients is None else np.ravel(np.asarray(coefficients, dtype=float)).tolist()
+    if len(given) not in (0, 4, 5, 8, 12, 14):
+        raise InputError("lens distortion", got=f"{len(given)} numbers", expected="k1, k2, p1, p2, k3: 5 numbers")
+    if any(given[5:]):
+        do = "Calibrate without CALIB_RATIONAL_MODEL, CALIB_THIN_PRISM_MODEL and CALIB_TILTED_MODEL."
+        raise InputError("lens distortion", got=given, expected="no coefficients but k1, k2, p1, p2, k3", do=do)
+    k1, k2, p1, p2, k3 = (given + [0.0] * 5)[:5]
+    return k1, k2, p1, p2, k3
 
 
 @dataclass(frozen=True, eq=False)
