@@ -163,7 +163,7 @@ def _camera_from(item: JsonValue) -> Camera:
         distortion = distortion_of(bent)
     except InputError as error:
         do = error.do or "Give k1, k2, p1, p2, k3; an empty list is a lens without distortion."
-        what = f"{coefficients.source}: field {coefficients.path}"
+        what = f"{coefficients.source}: {coefficients.path}"
         raise FileFormatError(what, got=error.got, expected=error.expected, do=do) from None
     return Camera(
         d["width_px"].count(),
