@@ -74,7 +74,7 @@ smoke: install gl  ## Run a sweep of a few scenes and hold it against its thresh
 
 bench: install gl  ## Measure the ellipse detector on drawn pictures, and the time of the vision step by stages
 	@$(BIN)/python -m benchmark.detector.evaluate
-	$(BIN)/python -m benchmark.vision_timing
+	$(BIN)/python -m benchmark.timing.vision_step
 
 lint: install  ## Check style and types
 	@$(BIN)/ruff check .

@@ -1,0 +1,1 @@
+"""The benchmark: drops, photographs, localises, picks, and keeps count. `benchmark.cli` is its door."""

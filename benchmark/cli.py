@@ -18,7 +18,7 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 
-from benchmark.localizer_error import LocalizerError
+from benchmark.localizers.errors import LocalizerError
 from vision.errors import FocalpickError, InputError
 
 DESCRIPTION = """A benchmark of bin picking with round parts. A simulated robot drops parts into a bin, photographs

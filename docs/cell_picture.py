@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from benchmark.config import EpisodeConfig
-from benchmark.episode import EpisodeObserver, run_episode
+from benchmark.episodes.episode import EpisodeObserver, run_episode
 from benchmark.world.cell import WorkCell
 from vision.localizer import Localization
 

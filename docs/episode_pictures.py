@@ -18,7 +18,7 @@ from playwright.sync_api import sync_playwright
 
 from benchmark.cli import main as focalpick
 from benchmark.config import EpisodeConfig
-from benchmark.episode import EpisodeObserver, run_episode
+from benchmark.episodes.episode import EpisodeObserver, run_episode
 from benchmark.report.rerun_log import record_episode
 from tests.browser.person import CHROMIUM
 from vision.drawing.explain import PANELS

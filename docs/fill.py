@@ -11,7 +11,9 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmark.metrics import BARELY_VISIBLE, HALF_VISIBLE
+from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE
+from benchmark.records.store import read_config, read_records
+from benchmark.report.circle_errors import study_circles
 from benchmark.report.extractors_render import made_good_grids, margin_grids
 from benchmark.report.grid import NOTHING, Grid, grids_as_markdown, part_title, plus_minus, rate_text
 from benchmark.report.rate import Rate
@@ -20,9 +22,7 @@ from benchmark.report.study import build_study
 from benchmark.report.study_figures import save_study_figures
 from benchmark.report.study_render import study_as_markdown
 from benchmark.report.tables import AccuracyRow, Table, build_table
-from benchmark.store import read_config, read_records
-from benchmark.taught_circles import study_circles
-from benchmark.variant_models import refusals
+from benchmark.study.taught_models import refusals
 from vision.errors import FocalpickError, InputError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -131,7 +131,7 @@ def fill_teaching(directory: Path) -> None:
 
 
 def fill_timing(file: Path) -> None:
-    """What `python -m benchmark.vision_timing --format md` printed."""
+    """What `python -m benchmark.timing.vision_step --format md` printed."""
     _put(ACCURACY, "timing", f"Measured:\n\n{file.read_text(encoding='utf-8')}")
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import Page, expect, sync_playwright
 
-from benchmark.teaching import Operator, record
+from benchmark.study.simulated_person import Operator, record
 from tests.browser.apprentice import place_grasp, take_bore, teach_feature
 from tests.browser.person import CHROMIUM, Person, Program
 from vision.teaching.document import Document

@@ -8,9 +8,9 @@ from pathlib import Path
 import cv2
 
 from benchmark.config import EpisodeConfig
-from benchmark.episode import EpisodeObserver, run_episode
-from benchmark.evaluation import Verdict
-from benchmark.localizers import load_model
+from benchmark.episodes.episode import EpisodeObserver, run_episode
+from benchmark.episodes.evaluation import Verdict
+from benchmark.models import load_model
 from benchmark.world.cell import WorkCell
 from vision.drawing.superimpose import superimpose
 from vision.files.views import save_views

@@ -19,7 +19,8 @@ from scipy.spatial.transform import Rotation
 import benchmark.cli
 import vision
 from benchmark.cli import COMMANDS, main
-from benchmark.localizers import load_model, make_localizer
+from benchmark.localizers.registry import make_localizer
+from benchmark.models import load_model
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = tuple(
@@ -226,7 +227,9 @@ def test_readme_entry_point_leads_to_the_localizer(own_localizer, monkeypatch):
     (text,) = re.findall(r"^```toml\n(.*?)^```", read("README.md"), flags=re.MULTILINE | re.DOTALL)
     groups = tomllib.loads(text)["project"]["entry-points"]
     points = [EntryPoint(name, value, group) for group, named in groups.items() for name, value in named.items()]
-    monkeypatch.setattr("benchmark.localizers.entry_points", lambda group: [p for p in points if p.group == group])
+    monkeypatch.setattr(
+        "benchmark.localizers.registry.entry_points", lambda group: [p for p in points if p.group == group]
+    )
     (point,) = points
     assert point.value == own_localizer
     assert make_localizer(point.name, [load_model("cover1")], tuple).name == "cautious"

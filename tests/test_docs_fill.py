@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from benchmark.config import SweepConfig
-from benchmark.records import EpisodeRecord, NormalizedError, PieceRecord, PoseErrors, ProcessResult
+from benchmark.records.episode_record import EpisodeRecord, NormalizedError, PieceRecord, PoseErrors, ProcessResult
+from benchmark.records.store import read_config, read_records
 from benchmark.report.tables import build_table
-from benchmark.store import read_config, read_records
 from docs.fill import README, between_markers, sensor_block, table1_block
 from vision.errors import InputError
 

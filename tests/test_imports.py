@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import sys
 from dataclasses import dataclass
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,22 @@ ROOMS: dict[str, set[str]] = {
     "localizer": {"geometry", "edges", "regions", "extraction", "model", "pose", "matching"},
 }
 """What each room of `vision` may import besides itself and what anyone may: lower rooms come first."""
+BENCHMARK_ANYONE = {"config", "strict_json", "child_process"}
+BENCHMARK_ROOMS: dict[str, set[str]] = {
+    "config": set(),
+    "strict_json": set(),
+    "child_process": set(),
+    "world": set(),
+    "models": {"world"},
+    "localizers": {"world", "models"},
+    "records": set(),
+    "study": {"world"},
+    "episodes": {"world", "models", "localizers", "records", "study"},
+    "report": {"world", "models", "localizers", "records", "study", "episodes"},
+    "lessons": {"world", "localizers", "records", "episodes"},
+    "detector": {"world", "report"},
+}
+"""The same for `benchmark`; its commands and timing may import any room."""
 SCENE = "benchmark/world/scene.py"
 
 
@@ -103,12 +120,16 @@ def _complaints(item: Import, path: str) -> list[str]:
 
 
 def _crossed_rooms(item: Import, path: str) -> list[str]:
-    """A room of `vision` imports lower rooms only; the two extractors do not know each other."""
+    """A room imports lower rooms of its package only; the two extractors do not know each other."""
     parts, names = path.removesuffix(".py").split("/"), item.target.split(".")
-    if parts[0] != "vision" or names[0] != "vision" or len(names) < 2 or parts[1] not in ROOMS:
+    home = parts[0]
+    rooms, anyone = {"vision": (ROOMS, ANYONE), "benchmark": (BENCHMARK_ROOMS, BENCHMARK_ANYONE)}.get(
+        home, ({}, set())
+    )
+    if names[0] != home or len(names) < 2 or parts[1] not in rooms:
         return []
-    allowed = ROOMS[parts[1]] | ANYONE | {parts[1]}
-    return [] if names[1] in allowed else [f"the room vision/{parts[1]} may not import {item.target}"]
+    allowed = rooms[parts[1]] | anyone | {parts[1]}
+    return [] if names[1] in allowed else [f"the room {home}/{parts[1]} may not import {item.target}"]
 
 
 def _extra(path: str) -> set[str]:
@@ -120,12 +141,32 @@ def test_file_respects_the_walls(path):
     assert broken_walls((ROOT / path).read_text(encoding="utf-8"), path) == []
 
 
-def test_every_room_of_vision_has_its_rule_and_says_its_purpose():
-    rooms = {path.parent.name for path in (ROOT / "vision").glob("*/__init__.py")}
-    assert rooms - set(ROOMS) == {"teaching"}
+@pytest.mark.parametrize(
+    ("package", "rules", "top"),
+    [("vision", ROOMS, {"teaching"}), ("benchmark", BENCHMARK_ROOMS, {"commands", "timing"})],
+)
+def test_every_room_has_its_rule_and_says_its_purpose(package, rules, top):
+    rooms = {path.parent.name for path in (ROOT / package).glob("*/__init__.py")}
+    assert rooms - set(rules) == top
     for room in rooms:
-        text = (ROOT / "vision" / room / "__init__.py").read_text(encoding="utf-8")
-        assert ast.get_docstring(ast.parse(text)), f"vision/{room}/__init__.py does not say what it is for"
+        text = (ROOT / package / room / "__init__.py").read_text(encoding="utf-8")
+        assert ast.get_docstring(ast.parse(text)), f"{package}/{room}/__init__.py does not say what it is for"
+
+
+def test_no_files_import_each_other_in_a_circle():
+    """Whether at the top, in a function or for type checking: each can be read after those that it imports."""
+    modules = {path.relative_to(ROOT).as_posix().removesuffix(".py").replace("/", "."): path for path in FILES}
+    graph = {}
+    for module, path in modules.items():
+        targets = imports(path.read_text(encoding="utf-8"), path.relative_to(ROOT).as_posix())
+        named = {name for item in targets for name in (item.target, item.target.rpartition(".")[0])}
+        graph[module] = named & modules.keys() - {module}
+    TopologicalSorter(graph).prepare()
+
+
+@pytest.mark.parametrize("rules", [ROOMS, BENCHMARK_ROOMS])
+def test_the_rules_of_the_rooms_have_no_circle(rules):
+    TopologicalSorter(rules).prepare()
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -148,6 +189,9 @@ def test_every_package_is_read(package):
         ("vision/matching/matcher.py", "from vision.regions.segmentation import segment"),
         ("vision/geometry/ellipse.py", "from vision.edges.edge_map import EdgeMap"),
         ("vision/localizer.py", "from vision.drawing.panel import Panel"),
+        ("benchmark/world/cell.py", "from benchmark.episodes.episode import run_episode"),
+        ("benchmark/records/store.py", "from benchmark.report import tables"),
+        ("benchmark/localizers/oracle.py", "from benchmark.records.store import read_records"),
         ("robot/arm.py", "import cv2"),
         ("robot/arm.py", "from vision.edges.edge_map import canny"),
         ("robot/arm.py", "from vision import Camera"),

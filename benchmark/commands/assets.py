@@ -42,8 +42,8 @@ def teach(out: OptionalPath = None) -> int:
     from benchmark.commands.common import prepare_process
 
     prepare_process()
-    from benchmark.localizers import MODELS
-    from benchmark.teaching import record
+    from benchmark.models import MODELS
+    from benchmark.study.simulated_person import record
     from benchmark.world.parts import PART_NAMES
     from vision.model.model_file import save_model
     from vision.teaching.session_file import replay, save_session

@@ -26,10 +26,10 @@ def check(
         directory: what focalpick sweep wrote with --out.
         thresholds: with sections such as [dual.hub] and [picks.hub]; examples in benchmark/thresholds.
     """
+    from benchmark.records.store import read_config, read_records
     from benchmark.report.gate import check as judge
     from benchmark.report.gate import read_thresholds
     from benchmark.report.tables import build_table
-    from benchmark.store import read_config, read_records
 
     wanted = read_thresholds(thresholds)
     config = read_config(directory)

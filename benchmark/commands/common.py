@@ -39,7 +39,7 @@ def named_model(name: Path) -> VisionModel:
         InputError: there is no such file.
         FileFormatError: it is corrupt.
     """
-    from benchmark.localizers import MODELS
+    from benchmark.models import MODELS
     from vision.model.model_file import load_model
 
     shipped = MODELS / f"{name}.json"
@@ -73,7 +73,7 @@ def prepare_process() -> None:
     Raises:
         ResourceError: nothing can draw.
     """
-    from benchmark.sweep import SINGLE_THREADED
+    from benchmark.episodes.sweep import SINGLE_THREADED
     from benchmark.world.gl import APT_PACKAGES, choose_backend, works
 
     for name, value in SINGLE_THREADED.items():
@@ -94,7 +94,8 @@ def check_localizer(name: str, part_names: Sequence[str], models: str | None = N
         InputError: no such localizer, or a part that it was not taught.
         FileFormatError: a vision model's file is corrupt.
     """
-    from benchmark.localizers import load_model, make_localizer
+    from benchmark.localizers.registry import make_localizer
+    from benchmark.models import load_model
 
     make_localizer(name, [load_model(part, models) for part in part_names], tuple)
 

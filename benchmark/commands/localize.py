@@ -54,7 +54,7 @@ def localize(
         out: directory in which to draw the poses over the pictures; made where it is missing.
         format: table for the terminal, json for programs, in metres and radians and with the whole covariance.
     """
-    from benchmark.localizers import make_localizer
+    from benchmark.localizers.registry import make_localizer
     from vision.files.views import load_views
 
     models = _models(part, model)
@@ -77,7 +77,7 @@ def localize(
 
 def _models(part: str | None, files: Sequence[Path]) -> list[VisionModel]:
     from benchmark.commands.common import split_parts
-    from benchmark.localizers import load_model as load_shipped
+    from benchmark.models import load_model as load_shipped
     from vision.model.model_file import load_model
 
     if (part is None) == (not files):

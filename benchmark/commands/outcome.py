@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich import box
 from rich.table import Table
 
-from benchmark.records import EpisodeRecord, PieceRecord, ProcessResult
+from benchmark.records.episode_record import EpisodeRecord, PieceRecord, ProcessResult
 from benchmark.report.grid import NOTHING
 
 

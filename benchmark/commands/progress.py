@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
-from benchmark.records import STAGES, EpisodeRecord
+from benchmark.records.episode_record import STAGES, EpisodeRecord
 from benchmark.report.grid import NOTHING
 
 

@@ -73,7 +73,7 @@ def run(
 
         record = record_episode(config, rrd)
     else:
-        from benchmark.episode import run_episode
+        from benchmark.episodes.episode import run_episode
 
         record = run_episode(config)
     console = results_console()

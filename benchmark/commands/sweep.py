@@ -21,7 +21,7 @@ from benchmark.commands.common import (
 if TYPE_CHECKING:
     from benchmark.commands.progress import SweepProgress
     from benchmark.config import SweepConfig
-    from benchmark.records import EpisodeRecord
+    from benchmark.records.episode_record import EpisodeRecord
 
 EXIT_FAILED_EPISODES = 1
 
@@ -102,12 +102,12 @@ def sweep(
 
 def _run(config: SweepConfig, out: Path, progress: SweepProgress) -> list[EpisodeRecord]:
     """All records of the sweep; what a study varies in the teaching is taught first."""
-    from benchmark.sweep import run_sweep
+    from benchmark.episodes.sweep import run_sweep
 
     if not any(variant.is_taught for variant in config.variants):
         return run_sweep(config, out, on_progress=progress)
-    from benchmark.episode import run_episode
-    from benchmark.variant_models import refusals, teach_variants
+    from benchmark.episodes.episode import run_episode
+    from benchmark.study.taught_models import refusals, teach_variants
 
     def prepare() -> None:
         teach_variants(config, out, progress.taught)

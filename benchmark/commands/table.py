@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from benchmark.config import SweepConfig
-    from benchmark.records import EpisodeRecord
+    from benchmark.records.episode_record import EpisodeRecord
 
 
 def table(
@@ -38,7 +38,7 @@ def table(
         format: text for the terminal, md for Markdown, json for programs.
         figures: directory in which to draw fig10.png and errors.png, or calibration.png or teaching.png.
     """
-    from benchmark.store import read_config, read_records
+    from benchmark.records.store import read_config, read_records
 
     config, records = read_config(directory), read_records(directory)
     shown = _study(config, records, directory) if config.variants else _table(config, records)
@@ -82,9 +82,9 @@ def _table(config: SweepConfig, records: list[EpisodeRecord]) -> _Shown:
 
 def _study(config: SweepConfig, records: list[EpisodeRecord], directory: Path) -> _Shown:
     from benchmark.report import study_render
+    from benchmark.report.circle_errors import study_circles
     from benchmark.report.study import build_study, study_to_dict
-    from benchmark.taught_circles import study_circles
-    from benchmark.variant_models import refusals
+    from benchmark.study.taught_models import refusals
 
     study = build_study(config, records, refusals(directory), study_circles(config, directory))
 

@@ -72,7 +72,7 @@ def _open_page(
     port: int | None,
     show: bool,
 ) -> None:
-    from benchmark.teaching_services import LessonServices, open_mesh, open_part, open_views
+    from benchmark.lessons.page_services import LessonServices, open_mesh, open_part, open_views
     from vision.teaching.editor.server import serve
 
     services: LessonServices

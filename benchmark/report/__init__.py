@@ -1,0 +1,1 @@
+"""What comes out: tables, figures, recordings and the gate, made from the records alone."""

@@ -14,8 +14,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.metrics import BARELY_VISIBLE, HALF_VISIBLE
-from benchmark.records import EpisodeRecord
+from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE
+from benchmark.records.episode_record import EpisodeRecord
 from benchmark.report.published import TITLES
 from benchmark.report.render import METHOD_TITLES, PROCESS_TITLES
 from benchmark.report.tables import STAGES, Table, table1_order

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmark.metrics import HALF_VISIBLE
+from benchmark.episodes.metrics import HALF_VISIBLE
 from benchmark.report.published import PARTS
 from benchmark.report.tables import METHODS, QUANTITIES, STAGES, Table
 from vision.errors import FileFormatError, InputError

@@ -12,7 +12,7 @@ from rich.console import Console, RenderableType
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from benchmark.metrics import Summary
+from benchmark.episodes.metrics import Summary
 from benchmark.report.published import TITLES
 from benchmark.report.rate import Rate
 

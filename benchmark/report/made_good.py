@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from benchmark.records import EpisodeRecord, ProcessResult
+from benchmark.records.episode_record import EpisodeRecord, ProcessResult
 from benchmark.report.rate import Rate
 
 Trio = tuple[ProcessResult, ProcessResult, ProcessResult]

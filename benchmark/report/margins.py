@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from benchmark.metrics import wilson_interval
-from benchmark.records import EpisodeRecord
+from benchmark.episodes.metrics import wilson_interval
+from benchmark.records.episode_record import EpisodeRecord
 
 Pair = tuple[bool, bool]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from benchmark.metrics import wilson_interval
+from benchmark.episodes.metrics import wilson_interval
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
-from benchmark.metrics import BARELY_VISIBLE, ELLIPSOID_SHARE
+from benchmark.episodes.metrics import BARELY_VISIBLE, ELLIPSOID_SHARE
 from benchmark.report.extractors_render import made_good_grids, margin_grids
 from benchmark.report.grid import (
     NOTHING,

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from benchmark.config import EpisodeConfig
-from benchmark.episode import EpisodeObserver, run_episode, workspace
-from benchmark.evaluation import Verdict
-from benchmark.localizers import load_model, make_localizer
-from benchmark.picking import PickOutcome
-from benchmark.records import EpisodeRecord, PieceRecord
+from benchmark.episodes.episode import EpisodeObserver, run_episode, workspace
+from benchmark.episodes.evaluation import Verdict
+from benchmark.episodes.picking import PickOutcome
+from benchmark.localizers.registry import make_localizer
+from benchmark.models import load_model
+from benchmark.records.episode_record import EpisodeRecord, PieceRecord
 from benchmark.report.rerun_blueprint import (
     CHARTS,
     ERRORS,

@@ -7,14 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 
-from benchmark.config import SweepConfig, episodes
-from benchmark.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary
-from benchmark.records import EpisodeRecord
+from benchmark.config import SweepConfig, Variant, episodes
+from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary
+from benchmark.records.episode_record import EpisodeRecord
+from benchmark.report.circle_errors import CircleErrors
 from benchmark.report.published import TABLE_1, PublishedErrors
 from benchmark.report.rate import Rate
 from benchmark.report.tables import METHODS, PROCESSES, Table, build_table
-from benchmark.taught_circles import CircleErrors
-from benchmark.variant import Variant
 
 
 @dataclass(frozen=True)
@@ -141,8 +140,8 @@ def build_study(
     Args:
         config: of the sweep.
         records: its records so far, in any order.
-        refused: ``benchmark.variant_models.refusals`` of its directory.
-        circles: ``benchmark.taught_circles.study_circles`` of its directory.
+        refused: ``benchmark.study.taught_models.refusals`` of its directory.
+        circles: ``benchmark.report.circle_errors.study_circles`` of its directory.
     """
     variant_of = {episode.key: episode.variant for episode in episodes(config)}
     grouped: dict[Variant | None, list[EpisodeRecord]] = defaultdict(list)

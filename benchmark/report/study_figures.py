@@ -11,7 +11,7 @@ import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 
-from benchmark.metrics import Summary, summarise
+from benchmark.episodes.metrics import Summary, summarise
 from benchmark.report.figures import STYLE, write_figures
 from benchmark.report.grid import part_title
 from benchmark.report.study import CurvePoint, Study

@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 from rich.console import Console
 
-from benchmark.metrics import BARELY_VISIBLE, HALF_VISIBLE
+from benchmark.config import Variant
+from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE
 from benchmark.report.grid import (
     NOTHING,
     Grid,
@@ -19,7 +20,6 @@ from benchmark.report.grid import (
 )
 from benchmark.report.render import METHOD_TITLES, PROCESS_TITLES, remarks
 from benchmark.report.study import CalibrationLimit, Crossing, CurvePoint, Study
-from benchmark.variant import Variant
 
 TextOf = Callable[[Study, str, Variant], str]
 

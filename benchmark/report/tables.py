@@ -11,14 +11,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 from benchmark.config import SweepConfig, episodes
-from benchmark.metrics import (
-    BARELY_VISIBLE,
-    HALF_VISIBLE,
-    Summary,
-    is_inside_ellipsoid,
-    summarise,
-)
-from benchmark.records import EpisodeRecord, PieceRecord, PoseErrors
+from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary, is_inside_ellipsoid, summarise
+from benchmark.records.episode_record import EpisodeRecord, PieceRecord, PoseErrors
 from benchmark.report.made_good import MadeGood, made_good
 from benchmark.report.margins import Margin, paired_margin
 from benchmark.report.published import FIGURE_10, TABLE_1, PublishedErrors, paper_order

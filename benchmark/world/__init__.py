@@ -1,0 +1,1 @@
+"""The simulated cell: parts, the scene that they are dropped into, the camera that looks, and the truth."""

@@ -23,7 +23,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmark.world import assets, convex_pieces, mesh_file, mesh_symmetry
 from benchmark.world.mesh_file import MeshReference
-from benchmark.world.parts import Bore, Part, Symmetry
+from benchmark.world.part import Bore, Part, Symmetry
 from vision.errors import ResourceError
 
 Floats = NDArray[np.float64]

@@ -1,14 +1,8 @@
-"""The parts of the benchmark: meshes, mass, symmetry, grasps and bore, as the world and the tasks need them.
-
-Frame of every part: z is the axis of revolution, +z the front (the face of the hat or cup), the origin on the axis
-at mid-height.
-"""
+"""Finds a part by its name: one of the drawn ones, or whatever mesh file a user brings."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,120 +10,15 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmark.world import assets
 from benchmark.world.designs import DESIGNS, Design
-from benchmark.world.grasps import Grasp, grasps_of, turns_about_z
+from benchmark.world.grasps import grasps_of
 from benchmark.world.mesh_file import MeshReference
+from benchmark.world.mesh_part import part_from_mesh
+from benchmark.world.part import Bore, Part, Rim, Symmetry
 from vision.errors import FileFormatError, InputError
 
 Floats = NDArray[np.float64]
 
 PART_NAMES = tuple(DESIGNS)
-
-
-@dataclass(frozen=True)
-class Symmetry:
-    """Rotations about the part's z that leave it unchanged.
-
-    Attributes:
-        fold: number of equal turns in a circle; None where any turn will do.
-    """
-
-    fold: int | None
-
-    def __post_init__(self) -> None:
-        if self.fold is not None and self.fold < 1:
-            raise InputError("fold of a symmetry", got=self.fold, expected="at least 1, or None for continuous")
-
-    def transforms(self, n: int = 72) -> RigidTransform:
-        """Stack of the symmetry rotations, the identity first.
-
-        Args:
-            n: number of samples where the symmetry is continuous; has no effect otherwise.
-        """
-        count = n if self.fold is None else self.fold
-        return RigidTransform.from_rotation(turns_about_z(count))
-
-
-@dataclass(frozen=True, eq=False)
-class Bore:
-    """A through bore for peg-in-hole.
-
-    Attributes:
-        T_part_bore: frame at the centre of the entry rim on the front, z along the insertion.
-        diameter_m: of the cylinder.
-        depth_m: from the entry rim to the exit rim, chamfers included.
-    """
-
-    T_part_bore: RigidTransform
-    diameter_m: float
-    depth_m: float
-
-
-@dataclass(frozen=True)
-class Rim:
-    """A circular edge about the part's z, or about an axis parallel to it, computed from the drawing.
-
-    It is ground truth for tests and for the simulated teacher, never for a localizer.
-
-    Attributes:
-        name: what a person would call the edge.
-        z_m: of the circle's centre.
-        radius_m: of the circle.
-        side: +1 where the edge is seen from the front, -1 from the back.
-        offset_m: distance of its centre from the part's z; the centre of the first copy lies on +x.
-        copies: number of equal edges, evenly spaced around z.
-    """
-
-    name: str
-    z_m: float
-    radius_m: float
-    side: int
-    offset_m: float = 0.0
-    copies: int = 1
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """An industrial part whose salient feature is a 3D circle.
-
-    Attributes:
-        name: one of `PART_NAMES`, or the stem of a mesh file's name.
-        diameter_m: nominal diameter of the outline.
-        density_kg_m3: of the material.
-        rgba: colour of the bare material.
-        visual_mesh: OBJ with normals, in metres, in the part frame.
-        collision_meshes: convex OBJs, in metres, in the part frame; bores are real holes, small holes are closed.
-        mass_kg: from the visual mesh and the density.
-        centre_of_mass_m: (3,) in the part frame.
-        inertia: (3, 3) in kg m² about the centre of mass, axes of the part frame.
-        symmetry: about z.
-        grasps: the preferred ones first.
-        bore: the central one, where there is one.
-        rims: the true circles, for tests and the simulated teacher only, never for a localizer.
-    """
-
-    name: str
-    diameter_m: float
-    density_kg_m3: float
-    rgba: tuple[float, float, float, float]
-    visual_mesh: Path
-    collision_meshes: tuple[Path, ...]
-    mass_kg: float
-    centre_of_mass_m: Floats
-    inertia: Floats
-    symmetry: Symmetry
-    grasps: tuple[Grasp, ...]
-    bore: Bore | None
-    rims: tuple[Rim, ...]
-
-    def __post_init__(self) -> None:
-        for field in ("centre_of_mass_m", "inertia"):
-            array = np.array(getattr(self, field), dtype=float)
-            array.flags.writeable = False
-            object.__setattr__(self, field, array)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Part, tuple(getattr(self, field) for field in self.__dataclass_fields__))
 
 
 @cache
@@ -142,8 +31,6 @@ def get_part(name: str) -> Part:
         FileFormatError: when the file of mass properties does not describe it.
     """
     if (mesh := MeshReference.parse(name)) is not None:
-        from benchmark.world.mesh_part import part_from_mesh  # it makes a `Part`, and so imports this module
-
         return part_from_mesh(mesh.path, mesh.unit)
     if name not in DESIGNS:
         raise InputError("part", got=repr(name), expected=f"one of {', '.join(PART_NAMES)}, or a mesh file")

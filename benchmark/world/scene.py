@@ -14,7 +14,8 @@ import trimesh
 from numpy.typing import NDArray
 
 from benchmark.world import gl
-from benchmark.world.parts import Part, get_part
+from benchmark.world.part import Part
+from benchmark.world.parts import get_part
 from vision.errors import InputError, ResourceError
 from vision.geometry.camera import Camera
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchmark.config import SweepConfig
-from benchmark.episode import run_episode
-from benchmark.metrics import HALF_VISIBLE
+from benchmark.episodes.episode import run_episode
+from benchmark.episodes.metrics import HALF_VISIBLE
 from benchmark.world.parts import PART_NAMES
 from tests.parts.belt_pulley import HOLES, MESH, RIMS
 from tests.parts.taught_pulley import recorded

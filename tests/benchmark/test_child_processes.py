@@ -39,7 +39,7 @@ import sys, time
 from pathlib import Path
 sys.path.insert(0, {tests!r})
 from test_sweep import CONFIG, fake_episode
-from benchmark.sweep import run_sweep
+from benchmark.episodes.sweep import run_sweep
 
 def episode(config):
     time.sleep(600 if config.scene else 0)

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-import benchmark.localizers
+import benchmark.localizers.registry
 from benchmark import cli
 from benchmark.commands.progress import Pace, duration
 from benchmark.config import EpisodeConfig
 from benchmark.doctor import examine
-from benchmark.records import EpisodeRecord, PieceRecord, PoseErrors, ProcessResult
-from benchmark.store import EPISODES_FILE
+from benchmark.records.episode_record import EpisodeRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.records.store import EPISODES_FILE
 
 SMALL = ("--scenes", "1", "--parts", "hub", "--workers", "1")
 
@@ -35,9 +35,9 @@ def fake_episode(config: EpisodeConfig) -> EpisodeRecord:
 @pytest.fixture
 def simulator(monkeypatch: pytest.MonkeyPatch) -> types.ModuleType:
     """Stands in for the real episode, which takes seconds."""
-    module = types.ModuleType("benchmark.episode")
+    module = types.ModuleType("benchmark.episodes.episode")
     module.run_episode = fake_episode
-    monkeypatch.setitem(sys.modules, "benchmark.episode", module)
+    monkeypatch.setitem(sys.modules, "benchmark.episodes.episode", module)
     monkeypatch.setattr("benchmark.world.gl.works", lambda *_, **__: True)
     return module
 
@@ -124,12 +124,12 @@ def test_missing_or_corrupt_vision_model(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr("benchmark.world.gl.works", lambda *_, **__: True)
-    monkeypatch.setattr("benchmark.localizers.MODELS", tmp_path)
-    benchmark.localizers.load_model.cache_clear()
+    monkeypatch.setattr("benchmark.models.MODELS", tmp_path)
+    benchmark.models.load_model.cache_clear()
     if content is not None:
         (tmp_path / "hub.json").write_text(content)
     assert message in fails_with_one_line(capsys, "sweep", *SMALL, "--out", str(tmp_path / "out"))
-    benchmark.localizers.load_model.cache_clear()
+    benchmark.models.load_model.cache_clear()
 
 
 def test_unwritable_output(tmp_path: Path, simulator: types.ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
@@ -195,9 +195,9 @@ def slow_episode(config):
     return fake_episode(config)
 
 if __name__ == "__main__":
-    module = types.ModuleType("benchmark.episode")
+    module = types.ModuleType("benchmark.episodes.episode")
     module.run_episode = slow_episode
-    sys.modules["benchmark.episode"] = module
+    sys.modules["benchmark.episodes.episode"] = module
     from benchmark.cli import main
     sys.exit(main(["sweep", "--scenes", "200", "--parts", "hub", "--workers", sys.argv[2], "--out", sys.argv[1]]))
 """

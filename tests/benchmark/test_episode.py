@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from benchmark import episode
 from benchmark.config import EpisodeConfig
-from benchmark.episode import EpisodeObserver, bin_stations, run_episode
-from benchmark.records import strip_timings, to_json
+from benchmark.episodes import episode
+from benchmark.episodes.episode import EpisodeObserver, bin_stations, run_episode
+from benchmark.records.episode_record import strip_timings, to_json
 from benchmark.world.scene import cell_config
 
 pytestmark = pytest.mark.sweep

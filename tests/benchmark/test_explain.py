@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmark import cli
-from benchmark.localizers import MODELS, load_model
+from benchmark.models import MODELS, load_model
 from benchmark.report.rerun_blueprint import stage_entity
 from benchmark.report.rerun_log import RerunLog
 from vision.drawing.explain import MODEL_FREE_PANELS, PANELS

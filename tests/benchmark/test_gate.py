@@ -6,7 +6,14 @@ from pathlib import Path
 import pytest
 
 from benchmark.config import SweepConfig
-from benchmark.records import EpisodeRecord, NormalizedError, PickRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.records.episode_record import (
+    EpisodeRecord,
+    NormalizedError,
+    PickRecord,
+    PieceRecord,
+    PoseErrors,
+    ProcessResult,
+)
 from benchmark.report.gate import Verdict, check, read_thresholds
 from benchmark.report.tables import build_table
 from vision.errors import FileFormatError, InputError

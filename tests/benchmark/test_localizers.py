@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-import benchmark.localizers
+import benchmark.localizers.registry
 from benchmark.config import EpisodeConfig
-from benchmark.localizers import load_model, make_localizer, with_answers_alone
+from benchmark.localizers.registry import make_localizer, with_answers_alone
+from benchmark.models import load_model
 from vision.errors import InputError
 from vision.localizer import EllipseLocalizer, Localization
 from vision.pose.calibration import CalibrationError
@@ -48,9 +49,11 @@ def mine(monkeypatch):
 @pytest.fixture
 def offered(monkeypatch, mine):
     """Entry points of installed packages."""
-    group = benchmark.localizers.ENTRY_POINTS
+    group = benchmark.localizers.registry.ENTRY_POINTS
     points = [EntryPoint(name, value, group) for name, value in (("blind", "mine:make"), ("broken", "mine:gone"))]
-    monkeypatch.setattr("benchmark.localizers.entry_points", lambda group: [p for p in points if p.group == group])
+    monkeypatch.setattr(
+        "benchmark.localizers.registry.entry_points", lambda group: [p for p in points if p.group == group]
+    )
 
 
 @pytest.mark.parametrize(

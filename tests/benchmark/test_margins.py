@@ -5,7 +5,7 @@ import itertools
 import pytest
 from scipy.stats import multinomial
 
-from benchmark.records import EpisodeRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.records.episode_record import EpisodeRecord, PieceRecord, PoseErrors, ProcessResult
 from benchmark.report.margins import design_effect, newcombe_interval, paired_margin
 
 HIT, MISS = ProcessResult(True, True, PoseErrors(0.1, 0.1, None, 0.1, 0.1)), ProcessResult(True, False)

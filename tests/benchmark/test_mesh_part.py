@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from manifold3d import CrossSection, Manifold
 
-from benchmark.localizers import load_model
+from benchmark.models import load_model
 from benchmark.world import convex_pieces, mesh_part
 from benchmark.world.assets import ASSETS, read_vertices, visual_path
 from benchmark.world.designs import DESIGNS

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import binomtest, chi2, kstest
 
-from benchmark.metrics import (
+from benchmark.episodes.metrics import (
     assign,
     hull_points,
     is_extracted,

@@ -12,7 +12,8 @@ from scipy.spatial.transform import RigidTransform
 from benchmark.world import assets
 from benchmark.world.designs import DESIGNS
 from benchmark.world.grasps import turns_about_z
-from benchmark.world.parts import PART_NAMES, Symmetry, get_part, vertices
+from benchmark.world.part import Symmetry
+from benchmark.world.parts import PART_NAMES, get_part, vertices
 from robot.gripper_geometry import GripperGeometry
 from vision.errors import InputError, ResourceError
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmark.localizers import load_model
-from benchmark.picking import Picker, PickOutcome, opened_grasps_of
+from benchmark.episodes.picking import Picker, PickOutcome, opened_grasps_of
+from benchmark.models import load_model
 from benchmark.world.cell import WorkCell
 from benchmark.world.grasps import grasps_of
 from benchmark.world.parts import PART_NAMES, get_part, vertices

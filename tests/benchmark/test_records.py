@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmark.config import SweepConfig
-from benchmark.environment import environment_stamp
-from benchmark.records import (
+from benchmark.records.environment import environment_stamp
+from benchmark.records.episode_record import (
     EpisodeRecord,
     NormalizedError,
     PickRecord,
@@ -26,7 +26,7 @@ from benchmark.records import (
     strip_timings,
     to_json,
 )
-from benchmark.store import EPISODES_FILE, RecordWriter, read_config, read_records
+from benchmark.records.store import EPISODES_FILE, RecordWriter, read_config, read_records
 from vision.errors import FileFormatError, InputError, ResourceError
 
 CONFIG = SweepConfig(parts=("hub",), scenes=3)

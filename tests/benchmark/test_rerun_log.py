@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from benchmark.config import EpisodeConfig
-from benchmark.evaluation import Verdict
-from benchmark.records import EpisodeRecord, PickRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.episodes.evaluation import Verdict
+from benchmark.records.episode_record import EpisodeRecord, PickRecord, PieceRecord, PoseErrors, ProcessResult
 from benchmark.report.rerun_blueprint import LAYERS, stage_entity, view_entity
 from benchmark.report.rerun_log import errors_text, outcome_text, record_episode, summary
 from vision.drawing.explain import PANELS
@@ -56,7 +56,7 @@ def test_recording_changes_neither_the_episode_nor_from_one_time_to_the_next(
     assert (second.pieces, second.picks) == (record.pieces, record.picks)
     compared = rerun("compare", "--unordered", path, again)
     assert compared.returncode == 0, compared.stderr
-    from benchmark.episode import run_episode
+    from benchmark.episodes.episode import run_episode
 
     assert run_episode(CONFIG).pieces == record.pieces
 

@@ -8,10 +8,9 @@ import os
 
 import pytest
 
-from benchmark import store
 from benchmark.config import SweepConfig
-from benchmark.records import EpisodeRecord, from_json, parse_object, to_json
-from benchmark.store import EPISODES_FILE, RecordWriter, read_records
+from benchmark.records.episode_record import EpisodeRecord, from_json, parse_object, store, to_json
+from benchmark.records.store import EPISODES_FILE, RecordWriter, read_records
 from vision.errors import FileFormatError, InputError
 
 CONFIG = SweepConfig(parts=("hub",), scenes=1, workers=1)

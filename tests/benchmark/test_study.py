@@ -10,15 +10,14 @@ import pytest
 from rich.console import Console
 
 from benchmark.cli import main
-from benchmark.config import EpisodeConfig, SweepConfig, episodes
-from benchmark.metrics import Summary
-from benchmark.records import EpisodeRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.config import EpisodeConfig, SweepConfig, Variant, episodes
+from benchmark.episodes.metrics import Summary
+from benchmark.records.episode_record import EpisodeRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.records.store import RecordWriter
+from benchmark.report.circle_errors import CircleErrors
 from benchmark.report.study import Crossing, Study, build_study, last_within, study_to_dict
 from benchmark.report.study_figures import save_study_figures
 from benchmark.report.study_render import print_study, study_as_markdown
-from benchmark.store import RecordWriter
-from benchmark.taught_circles import CircleErrors
-from benchmark.variant import Variant
 
 CALIBRATION = SweepConfig(
     ("hub", "cover2"), scenes=2, task="none", variants=tuple(Variant(hand_eye_mm=e) for e in (0, 1, 2))

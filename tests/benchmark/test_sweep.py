@@ -15,10 +15,17 @@ import numpy as np
 import pytest
 
 from benchmark.config import EpisodeConfig, SweepConfig, episodes, preset
-from benchmark.records import EpisodeRecord, PickRecord, PieceRecord, PoseErrors, ProcessResult, strip_timings
+from benchmark.episodes.sweep import SweepInterruptedError, run_sweep
+from benchmark.records.episode_record import (
+    EpisodeRecord,
+    PickRecord,
+    PieceRecord,
+    PoseErrors,
+    ProcessResult,
+    strip_timings,
+)
+from benchmark.records.store import EPISODES_FILE, read_records
 from benchmark.report.tables import build_table, to_dict
-from benchmark.store import EPISODES_FILE, read_records
-from benchmark.sweep import SweepInterruptedError, run_sweep
 from vision.errors import InputError, ResourceError
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])  # the workers cannot import a test module
@@ -208,7 +215,7 @@ import sys, time
 from pathlib import Path
 sys.path.insert(0, {tests!r})
 from test_sweep import CONFIG, fake_episode
-from benchmark.sweep import run_sweep
+from benchmark.episodes.sweep import run_sweep
 
 def slow_episode(config):
     time.sleep(0.5)

@@ -10,8 +10,15 @@ import pytest
 from rich.console import Console
 
 from benchmark.config import SweepConfig, episodes
-from benchmark.metrics import wilson_interval
-from benchmark.records import EpisodeRecord, NormalizedError, PickRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.episodes.metrics import wilson_interval
+from benchmark.records.episode_record import (
+    EpisodeRecord,
+    NormalizedError,
+    PickRecord,
+    PieceRecord,
+    PoseErrors,
+    ProcessResult,
+)
 from benchmark.report.figures import save_figures
 from benchmark.report.render import as_markdown, print_table
 from benchmark.report.tables import build_table, to_dict

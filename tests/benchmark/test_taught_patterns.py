@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchmark.localizers import load_model
+from benchmark.models import load_model
 from benchmark.world.parts import get_part
 
 COVERS = ("cover1", "cover2")

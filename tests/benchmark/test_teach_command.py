@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmark.cli import main
-from benchmark.teaching_services import open_mesh, open_part, open_views
+from benchmark.lessons.page_services import open_mesh, open_part, open_views
 from benchmark.world.parts import get_part
 from vision.model.model_file import model_to_json
 from vision.teaching.editor.server import listen

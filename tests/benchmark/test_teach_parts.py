@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmark.localizers import MODELS, load_model
-from benchmark.teaching import Operator, record, teach
+from benchmark.models import MODELS, load_model
+from benchmark.study.simulated_person import Operator, record, teach
 from benchmark.world.parts import get_part
 from vision.model.model_file import model_to_json
 from vision.teaching.session_file import load_session

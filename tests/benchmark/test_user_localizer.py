@@ -11,9 +11,10 @@ from scipy.spatial.transform import RigidTransform
 
 from benchmark import cli
 from benchmark.config import EpisodeConfig
-from benchmark.localizer_error import LocalizerError
-from benchmark.localizers import load_model, make_localizer
-from benchmark.sweep import failed_episode
+from benchmark.episodes.sweep import failed_episode
+from benchmark.localizers.errors import LocalizerError
+from benchmark.localizers.registry import make_localizer
+from benchmark.models import load_model
 from vision.errors import InputError
 from vision.geometry.camera import Camera, View
 from vision.localizer import Localization

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from benchmark.teaching_services import open_part
+from benchmark.lessons.page_services import open_part
 from tests.browser.person import CHROMIUM, Person, Program
 from vision.errors import ResourceError
 from vision.teaching.view_directory import load_views

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from benchmark.localizers import load_model as shipped_model
-from benchmark.teaching import Operator, record
-from benchmark.trial import try_model
+from benchmark.lessons.model_trial import try_model
+from benchmark.models import load_model as shipped_model
+from benchmark.study.simulated_person import Operator, record
 from tests.browser.apprentice import repeat
 from tests.browser.person import Person, Program
 from vision.model.model_file import load_model, model_to_json

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
-from benchmark.teaching import Operator, record
-from benchmark.world.parts import Part, Rim, get_part
+from benchmark.study.simulated_person import Operator, record
+from benchmark.world.part import Part, Rim
+from benchmark.world.parts import get_part
 from tests.parts.belt_pulley import MESH, RIMS
 from vision.geometry.camera import View
 from vision.teaching.session import Session

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from nicegui import ui
 
@@ -11,15 +10,13 @@ from vision.geometry.circle import Circle
 from vision.teaching import events as ev
 from vision.teaching.editor.fields import Fields, on_commit
 from vision.teaching.editor.grasp_pose import bore_at
-
-if TYPE_CHECKING:
-    from vision.teaching.editor.page import Page
+from vision.teaching.editor.page_context import PageContext
 
 
 class BoreForm:
     """Diameter and depth, and a button that takes the chosen circle for the entry."""
 
-    def __init__(self, page: Page, circle: Callable[[], Circle | None]) -> None:
+    def __init__(self, page: PageContext, circle: Callable[[], Circle | None]) -> None:
         """Lay it out.
 
         Args:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from nicegui import ui
 
@@ -11,9 +9,7 @@ from vision.teaching import events as ev
 from vision.teaching.editor.extractor_choice import how_often_found
 from vision.teaching.editor.fields import Fields, on_commit
 from vision.teaching.editor.findings import Finding
-
-if TYPE_CHECKING:
-    from vision.teaching.editor.page import Page
+from vision.teaching.editor.page_context import PageContext
 
 ROLES = {"salient": "Salient", "supporting": "Supporting"}
 EXTRACTORS = {"": "Propose", "region": "Regions", "group": "Groups"}
@@ -22,7 +18,7 @@ EXTRACTORS = {"": "Propose", "region": "Regions", "group": "Groups"}
 class FeatureDetails:
     """The lower part of the column on the right."""
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: PageContext) -> None:
         """Lay it out."""
         self._page = page
         self._residual_rows: list[tuple[object, ...]] = []

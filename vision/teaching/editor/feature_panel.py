@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from nicegui import ui
 
 from vision.teaching.editor.feature_details import FeatureDetails
 from vision.teaching.editor.findings import Finding
-
-if TYPE_CHECKING:
-    from vision.teaching.editor.page import Page
+from vision.teaching.editor.page_context import PageContext
 
 
 class FeaturePanel:
     """The column on the right of the pictures."""
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: PageContext) -> None:
         """Lay it out."""
         self._page = page
         self._shown: list[tuple[object, ...]] = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING
 
 from nicegui import ui
 
@@ -12,10 +11,8 @@ from vision.teaching import events as ev
 from vision.teaching.editor.bore_form import BoreForm
 from vision.teaching.editor.fields import Fields, on_commit
 from vision.teaching.editor.grasp_pose import GraspPose, grasp_on
+from vision.teaching.editor.page_context import PageContext
 from vision.teaching.editor.part_scene import PartScene
-
-if TYPE_CHECKING:
-    from vision.teaching.editor.page import Page
 
 KINDS = {"outside": "Close on the outside", "inside": "Open inside"}
 POSE_FIELDS = {
@@ -32,7 +29,7 @@ FROM_CIRCLE = {"outside": "Around it", "inside": "Inside it", "rim": "On its rim
 class GraspPanel:
     """A 3D scene, a list of grasps, and the numbers of the chosen one."""
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: PageContext) -> None:
         """Lay it out."""
         self._page = page
         self._chosen: str | None = None

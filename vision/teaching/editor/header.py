@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 from nicegui import ui
 
+from vision.teaching.editor.page_context import PageContext
 from vision.teaching.editor.part_dialog import PartDialog
-
-if TYPE_CHECKING:
-    from vision.teaching.editor.page import Page
 
 
 class Header:
     """The bar at the top."""
 
-    def __init__(self, page: Page, tabs: Sequence[str], on_tab: Callable[[str], None]) -> None:
+    def __init__(self, page: PageContext, tabs: Sequence[str], on_tab: Callable[[str], None]) -> None:
         """Lay it out."""
         self._page = page
         self._part_dialog = PartDialog(page)

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from nicegui import ui
 
 from vision.teaching import events as ev
-
-if TYPE_CHECKING:
-    from vision.teaching.editor.page import Page
+from vision.teaching.editor.page_context import PageContext
 
 
 class PartDialog:
     """Asks what the part is."""
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: PageContext) -> None:
         """Lay it out, closed."""
         self._page = page
         with ui.dialog() as self._dialog, ui.card().classes("teach-dialog"):

@@ -11,11 +11,11 @@ from vision.errors import FocalpickError
 from vision.extraction import ExtractionThresholds
 from vision.teaching import events as ev
 from vision.teaching.editor.fields import Fields, on_commit
+from vision.teaching.editor.page_context import PageContext
 from vision.teaching.editor.workers import StoppedError
 
 if TYPE_CHECKING:
     from vision.teaching.adaptation import Proposal
-    from vision.teaching.editor.page import Page
 
 MEANINGS = {
     "canny_low": ("Canny, lower", "Region growing: edges are followed down to this slope, grey levels per pixel"),
@@ -33,7 +33,7 @@ EXTRACTORS = {"region": "Region growing", "group": "Edge grouping"}
 class ThresholdPanel:
     """A table of thresholds, and what the extractors find with the present and the proposed ones."""
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: PageContext) -> None:
         """Lay it out."""
         self._page = page
         self._fields = Fields()

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import base64
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 from nicegui import background_tasks, ui
 
 from vision.errors import FocalpickError
+from vision.teaching.editor.page_context import PageContext
 from vision.teaching.editor.services import PieceOutcome, SceneOutcome
 from vision.teaching.editor.workers import StoppedError
-
-if TYPE_CHECKING:
-    from vision.teaching.editor.page import Page
 
 HALF_VISIBLE = 0.5
 
@@ -22,7 +19,7 @@ HALF_VISIBLE = 0.5
 class TrialPanel:
     """A button, figures and pictures."""
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: PageContext) -> None:
         """Lay it out."""
         self._page = page
         self._scenes: list[SceneOutcome] = []

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from benchmark.localizers import load_model
-from benchmark.metrics import (
+from benchmark.episodes.metrics import (
     BARELY_VISIBLE,
     Assignment,
     assign,
@@ -22,7 +21,8 @@ from benchmark.metrics import (
     normalized_error,
     pose_errors,
 )
-from benchmark.records import PieceRecord, ProcessResult
+from benchmark.models import load_model
+from benchmark.records.episode_record import PieceRecord, ProcessResult
 from benchmark.world.parts import get_part, vertices
 from vision.features import EllipseFeature
 from vision.geometry.camera import View

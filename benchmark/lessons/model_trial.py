@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from benchmark.config import EpisodeConfig, episode_seed
-from benchmark.episode import EpisodeObserver, run_episode
-from benchmark.evaluation import Verdict
-from benchmark.metrics import hull_points, match_limit_mm, pose_errors
-from benchmark.records import EpisodeRecord
+from benchmark.episodes.episode import EpisodeObserver, run_episode
+from benchmark.episodes.evaluation import Verdict
+from benchmark.episodes.metrics import hull_points, match_limit_mm, pose_errors
+from benchmark.records.episode_record import EpisodeRecord
 from benchmark.world.cell import WorkCell
 from benchmark.world.mesh_file import MeshReference
-from benchmark.world.parts import Symmetry
+from benchmark.world.part import Symmetry
 from vision.drawing.strokes import Colour, Image, Strokes, enlarge, model_strokes, paint, plain_strokes
 from vision.errors import InputError
 from vision.geometry.camera import View

@@ -13,8 +13,8 @@ from types import TracebackType
 from typing import BinaryIO, NoReturn
 
 from benchmark.config import SweepConfig, as_fields
-from benchmark.decode import decode
-from benchmark.records import SCHEMA, EpisodeRecord, from_json, parse_object, to_json
+from benchmark.records.episode_record import SCHEMA, EpisodeRecord, from_json, parse_object, to_json
+from benchmark.strict_json import decode
 from vision.errors import FileFormatError, InputError, ResourceError
 
 SWEEP_FILE = "sweep.json"

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmark.localizers import load_model
-from benchmark.trial import FALSE_COLOUR, MISSED_COLOUR, try_in_views, try_model
+from benchmark.lessons.model_trial import FALSE_COLOUR, MISSED_COLOUR, try_in_views, try_model
+from benchmark.models import load_model
 from tests.parts.belt_pulley import MESH
 from tests.parts.taught_pulley import recorded
 from vision.drawing.strokes import SALIENT_COLOUR

@@ -6,14 +6,13 @@ import functools
 
 import pytest
 
-from benchmark import variant_models
-from benchmark.config import EpisodeConfig, SweepConfig, episodes
-from benchmark.episode import run_episode
-from benchmark.localizers import load_model
-from benchmark.records import strip_timings
-from benchmark.sweep import run_sweep
-from benchmark.variant import Variant
-from benchmark.variant_models import Untaught, model_path, refusals, taught_models, teach_variants
+import benchmark.study.taught_models
+from benchmark.config import EpisodeConfig, SweepConfig, Variant, episodes
+from benchmark.episodes.episode import run_episode
+from benchmark.episodes.sweep import run_sweep
+from benchmark.models import load_model
+from benchmark.records.episode_record import strip_timings
+from benchmark.study.taught_models import Untaught, model_path, refusals, taught_models, teach_variants
 from vision.errors import InputError
 from vision.localizer import Localizer
 from vision.model.model_file import model_to_json
@@ -33,7 +32,7 @@ def taught(monkeypatch):
             raise InputError("clicks", got="nonsense", expected="agreement")
         return load_model(part)
 
-    monkeypatch.setattr(variant_models, "teach", teach)
+    monkeypatch.setattr(benchmark.study.taught_models, "teach", teach)
     return operators
 
 

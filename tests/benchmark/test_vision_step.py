@@ -11,12 +11,12 @@ import pytest
 from rich.console import Console
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmark.detector.timing import HALF, detector_grid, measure_detector, time_detector
-from benchmark.detector.timing import STAGES as DETECTOR_STAGES
-from benchmark.detector.timing import TOTAL as DETECTOR_TOTAL
 from benchmark.report.grid import print_grids
-from benchmark.stage_clock import StageClock
-from benchmark.vision_timing import STAGES, TOTAL, Scene, photograph, time_scene, timing_grid
+from benchmark.timing.detector_stages import HALF, detector_grid, measure_detector, time_detector
+from benchmark.timing.detector_stages import STAGES as DETECTOR_STAGES
+from benchmark.timing.detector_stages import TOTAL as DETECTOR_TOTAL
+from benchmark.timing.stage_clock import StageClock
+from benchmark.timing.vision_step import STAGES, TOTAL, Scene, photograph, time_scene, timing_grid
 from vision import localizer
 from vision.errors import InputError
 from vision.geometry.camera import Camera, View

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.report.grid import Grid
-from benchmark.stage_clock import Place, StageClock
+from benchmark.timing.stage_clock import Place, StageClock
 from vision.edges.edge_map import as_gray
 from vision.errors import InputError
 from vision.files.picture import read_picture

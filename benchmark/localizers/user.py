@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from benchmark.localizer_error import LocalizerError
+from benchmark.localizers.errors import LocalizerError
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace
 from vision.localizer import Localization, Localizer
@@ -25,7 +25,7 @@ from vision.pose.estimate import PoseEstimate
 
 REFERENCE = "package.module:factory"
 LOCALIZE = "localize(views, workspace) that returns a vision.Localization"
-_PACKAGES = tuple(str(Path(__file__).resolve().parents[1] / name) for name in ("benchmark", "vision", "robot"))
+_PACKAGES = tuple(str(Path(__file__).resolve().parents[2] / name) for name in ("benchmark", "vision", "robot"))
 _LIBRARIES = tuple({path for key, path in sysconfig.get_paths().items() if "lib" in key})
 
 

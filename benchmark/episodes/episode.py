@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from benchmark.config import EpisodeConfig
-from benchmark.environment import environment_stamp
-from benchmark.evaluation import TruePiece, Verdict, judge
-from benchmark.localizers import Truth, load_model, make_localizer, with_answers_alone
-from benchmark.picking import Picker, PickOutcome
-from benchmark.records import EpisodeRecord, PickRecord
-from benchmark.variant_models import Untaught, taught_models
+from benchmark.episodes.evaluation import TruePiece, Verdict, judge
+from benchmark.episodes.picking import Picker, PickOutcome
+from benchmark.localizers.oracle import Truth
+from benchmark.localizers.registry import make_localizer, with_answers_alone
+from benchmark.models import load_model
+from benchmark.records.environment import environment_stamp
+from benchmark.records.episode_record import EpisodeRecord, PickRecord
+from benchmark.study.taught_models import Untaught, taught_models
 from benchmark.world import gl
 from benchmark.world.cell import WorkCell
 from benchmark.world.drop import DropResult, OnStep

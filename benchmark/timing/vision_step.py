@@ -1,4 +1,4 @@
-"""How long the vision step takes on one core, stage by stage: ``python -m benchmark.vision_timing``.
+"""How long the vision step takes on one core, stage by stage: ``python -m benchmark.timing.vision_step``.
 
 The pictures are those of episodes with seeds of their own. What is timed is ``localize`` of the dual localizer,
 without the two runs of single extractors that the benchmark adds for comparison. ``--photographs DIR`` times the
@@ -20,12 +20,12 @@ import numpy as np
 
 from benchmark.commands.common import prepare_process, results_console
 from benchmark.config import EpisodeConfig, episode_seed
-from benchmark.detector.timing import detector_grid, measure_detector
-from benchmark.episode import EpisodeObserver, run_episode, workspace
-from benchmark.localizers import load_model
+from benchmark.episodes.episode import EpisodeObserver, run_episode, workspace
+from benchmark.models import load_model
 from benchmark.report.grid import Grid, grids_as_markdown, part_title, print_grids
 from benchmark.report.published import PARTS
-from benchmark.stage_clock import Place, StageClock
+from benchmark.timing.detector_stages import detector_grid, measure_detector
+from benchmark.timing.stage_clock import Place, StageClock
 from benchmark.world.cell import WorkCell
 from vision import extraction, localizer
 from vision.errors import FocalpickError

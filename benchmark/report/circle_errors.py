@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmark.config import SweepConfig
-from benchmark.metrics import Summary, summarise
-from benchmark.variant import Variant
-from benchmark.variant_models import taught_models
-from benchmark.world.parts import Part, get_part
+from benchmark.config import SweepConfig, Variant
+from benchmark.episodes.metrics import Summary, summarise
+from benchmark.study.taught_models import taught_models
+from benchmark.world.part import Part
+from benchmark.world.parts import get_part
 from vision.errors import FileFormatError, InputError
 from vision.model.vision_model import VisionModel
 

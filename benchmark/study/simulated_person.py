@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.world.parts import Part, Rim, get_part
+from benchmark.world.part import Part, Rim
+from benchmark.world.parts import get_part
 from benchmark.world.sensor import SensorConfig, sensor_config
 from benchmark.world.studio import Sitter, Studio
 from vision.edges.edge_field import EdgeField

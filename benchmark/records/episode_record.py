@@ -11,7 +11,7 @@ import math
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from benchmark.decode import MAY_BE_MISSING, decode
+from benchmark.strict_json import MAY_BE_MISSING, decode
 from vision.errors import FileFormatError, InputError
 
 SCHEMA = 1
@@ -20,7 +20,7 @@ STAGES = ("drop", "render", "vision", "motion", "total")
 
 @dataclass(frozen=True)
 class PoseErrors:
-    """Error of an estimated pose; see ``benchmark.metrics.pose_errors``.
+    """Error of an estimated pose; see ``benchmark.episodes.metrics.pose_errors``.
 
     Attributes:
         translation_mm: distance of the part origins.
@@ -44,7 +44,7 @@ class PoseErrors:
 
 @dataclass(frozen=True)
 class NormalizedError:
-    """Error of an estimated pose in units of its own covariance; see ``benchmark.metrics.normalized_error``.
+    """Error of an estimated pose in units of its own covariance; see ``benchmark.episodes.metrics.normalized_error``.
 
     Attributes:
         squared: error^T covariance^-1 error (NEES); chi-square distributed where the covariance is right.
@@ -67,8 +67,8 @@ class ProcessResult:
     """What one localizer made of one piece.
 
     Attributes:
-        extracted: the salient ellipse was found, as ``benchmark.metrics.EXTRACTION_IOU`` defines it.
-        matched: the pose was found, as ``benchmark.metrics.MATCH_MSSD_FRACTION`` defines it.
+        extracted: the salient ellipse was found, as ``benchmark.episodes.metrics.EXTRACTION_IOU`` defines it.
+        matched: the pose was found, as ``benchmark.episodes.metrics.MATCH_MSSD_FRACTION`` defines it.
         errors: of the pose assigned to the piece, None where there is none.
         normalized: the same against the covariance that came with the pose; None where there is no pose, no usable
             covariance, or the record is older than this field.
@@ -139,7 +139,7 @@ class EpisodeRecord:
         scene: ``EpisodeConfig.scene``.
         seed: ``EpisodeConfig.seed``.
         config_hash: ``EpisodeConfig.config_hash``.
-        environment: ``benchmark.environment.environment_stamp()``.
+        environment: ``benchmark.records.environment.environment_stamp()``.
         pieces: one record for each piece.
         picks: in the order in which they were made.
         false_positives: by localizer, the number of poses that belong to no piece.

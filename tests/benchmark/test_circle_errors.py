@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmark.config import SweepConfig
-from benchmark.localizers import load_model
-from benchmark.taught_circles import circle_errors, study_circles
-from benchmark.variant import Variant
-from benchmark.variant_models import model_path
+from benchmark.config import SweepConfig, Variant
+from benchmark.models import load_model
+from benchmark.report.circle_errors import circle_errors, study_circles
+from benchmark.study.taught_models import model_path
 from benchmark.world.parts import get_part
 from vision.geometry.circle import Circle
 from vision.model.model_file import save_model

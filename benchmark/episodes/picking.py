@@ -16,7 +16,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from trimesh import load_mesh
 from trimesh.sample import sample_surface_even
 
-from benchmark.localizers import load_model
+from benchmark.models import load_model
 from benchmark.world.cell import GRIPPER_PREFIX, WorkCell
 from benchmark.world.drop import OnStep
 from benchmark.world.parts import get_part, vertices

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.special import chdtri
 
-from benchmark.records import NormalizedError, PoseErrors
+from benchmark.records.episode_record import NormalizedError, PoseErrors
 
 Array = NDArray[np.float64]
 Estimate = TypeVar("Estimate")

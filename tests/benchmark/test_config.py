@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.config import EpisodeConfig, SweepConfig, as_fields, episodes, preset
-from benchmark.decode import decode
-from benchmark.store import RecordWriter, read_config, read_records
-from benchmark.variant import Variant
+from benchmark.config import EpisodeConfig, SweepConfig, Variant, as_fields, episodes, preset
+from benchmark.records.store import RecordWriter, read_config, read_records
+from benchmark.strict_json import decode
 from benchmark.world.sensor import SENSORS, sensor_config, with_hand_eye_error
 from vision.errors import FileFormatError, InputError
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 from benchmark.child_process import ended_by_signals
 from benchmark.config import EpisodeConfig, SweepConfig, episodes
-from benchmark.localizer_error import LocalizerError
-from benchmark.records import EpisodeRecord
-from benchmark.store import RecordWriter, read_records
+from benchmark.localizers.errors import LocalizerError
+from benchmark.records.episode_record import EpisodeRecord
+from benchmark.records.store import RecordWriter, read_records
 from vision.errors import FileFormatError, InputError, ResourceError
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def failed_episode(config: EpisodeConfig, error: BaseException) -> EpisodeRecord
 
 
 def _real_run_episode() -> RunEpisode:
-    from benchmark.episode import run_episode  # the simulator is slow to import
+    from benchmark.episodes.episode import run_episode
 
     return run_episode
 

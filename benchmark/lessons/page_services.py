@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmark.world.mesh_file import MeshReference
-from benchmark.world.parts import Part, get_part
+from benchmark.world.part import Part
+from benchmark.world.parts import get_part
 from vision.geometry.camera import View
 from vision.model.vision_model import VisionModel
 from vision.teaching.editor.services import Description, SceneOutcome
@@ -45,7 +46,7 @@ class LessonServices:
         report: Callable[[SceneOutcome], None],
     ) -> None:
         """Localise the part in fresh scenes and report each when it is done."""
-        from benchmark.trial import try_in_views, try_model
+        from benchmark.lessons.model_trial import try_in_views, try_model
 
         if self.source is None:
             try_in_views(model, views, scenes, seed, report)

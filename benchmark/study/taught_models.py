@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmark.config import SweepConfig
-from benchmark.teaching import Operator, teach
-from benchmark.variant import Variant
+from benchmark.config import SweepConfig, Variant
+from benchmark.study.simulated_person import Operator, teach
 from vision.errors import InputError
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace
