@@ -9,7 +9,8 @@ import os
 import pytest
 
 from benchmark.config import SweepConfig
-from benchmark.records.episode_record import EpisodeRecord, from_json, parse_object, store, to_json
+from benchmark.records import store
+from benchmark.records.episode_record import EpisodeRecord, from_json, parse_object, to_json
 from benchmark.records.store import EPISODES_FILE, RecordWriter, read_records
 from vision.errors import FileFormatError, InputError
 
