@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import multiprocessing
 import threading
 from pathlib import Path
 
@@ -281,6 +282,27 @@ def test_a_worker_reports_fails_and_stops():
             assert await worker.run(count_to, 2, on_report=heard.append) == 2
         finally:
             worker.close()
+
+    asyncio.run(use())
+
+
+def work_without_a_report():
+    threading.Event().wait(600)
+
+
+@pytest.mark.slow
+def test_closing_a_worker_ends_it_whatever_it_is_doing():
+    async def use() -> None:
+        worker = Worker()
+        assert await worker.run(count_to, 1, on_report=print) == 1
+        children = multiprocessing.active_children()
+        running = asyncio.create_task(worker.run(work_without_a_report))
+        await asyncio.sleep(0.2)
+        worker.close()
+        with pytest.raises(StoppedError):
+            await asyncio.wait_for(running, 60)
+        assert children
+        assert not any(child.is_alive() for child in children)
 
     asyncio.run(use())
 

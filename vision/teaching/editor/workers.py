@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import multiprocessing
+import os
 import signal
 import threading
 from collections.abc import Callable
@@ -33,13 +34,13 @@ class Worker:
         """The process starts with the first task."""
         self._context = multiprocessing.get_context("spawn")
         self._messages: Queue[Message | None] = self._context.Queue()
-        self._stop = self._context.Event()
+        self._stop, self._end = self._context.Event(), self._context.Event()
         self._executor = self._start()
         self._hear: Callable[[Message], object] | None = None
         threading.Thread(target=self._listen, name="reports", daemon=True).start()
 
     def _start(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(1, self._context, _begin, (self._messages, self._stop))
+        return ProcessPoolExecutor(1, self._context, _begin, (self._messages, self._stop, self._end))
 
     async def run(self, function: Callable[..., T], *arguments: Any, on_report: Report | None = None) -> T:
         """Run ``function(*arguments)`` there; with a listener also ``report=``, to be called with any value.
@@ -50,7 +51,7 @@ class Worker:
             on_report: called in this event loop with what the function reports, and no more once this returns.
 
         Raises:
-            StoppedError: when :meth:`stop` was called.
+            StoppedError: when :meth:`stop` or :meth:`close` was called.
             ResourceError: when the process was ended from outside, as for want of memory.
             Exception: what the function raises.
         """
@@ -69,6 +70,8 @@ class Worker:
         try:
             result = await loop.run_in_executor(self._executor, _call, function, arguments, on_report is not None)
         except BrokenProcessPool:
+            if self._end.is_set():
+                raise StoppedError from None
             self._executor = self._start()
             raise ResourceError("background process: got ended from outside; expected enough memory") from None
         except Exception:
@@ -82,8 +85,8 @@ class Worker:
         self._stop.set()
 
     def close(self) -> None:
-        """End the process; a running function ends at its next report."""
-        self._stop.set()
+        """End the process at once, whatever it is doing: Ctrl-C must not wait for a kernel to be compiled."""
+        self._end.set()
         self._hear = None
         self._executor.shutdown(wait=False, cancel_futures=True)
         self._messages.put(None)
@@ -99,15 +102,21 @@ _messages: Queue[Message | None]
 _stop: Event
 
 
-def _begin(messages: Queue[Message | None], stop: Event) -> None:
-    """Settle the new process: it ends with its parent, and leaves Ctrl-C to it."""
+def _begin(messages: Queue[Message | None], stop: Event, end: Event) -> None:
+    """Settle the new process: it ends with its parent or when it is told to, and leaves Ctrl-C to the parent."""
     global _messages, _stop
     end_with_parent()
+    threading.Thread(target=_end_when_told, args=(end,), name="end", daemon=True).start()
     _messages, _stop = messages, stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     import cv2
 
     cv2.setNumThreads(1)
+
+
+def _end_when_told(end: Event) -> None:
+    end.wait()
+    os._exit(0)
 
 
 def _call(function: Callable[..., T], arguments: tuple[Any, ...], reporting: bool) -> T:
