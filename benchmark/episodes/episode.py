@@ -6,14 +6,13 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import RigidTransform
 
 from benchmark.config import EpisodeConfig
+from benchmark.episodes.cells import CellPool, Viewpoints, workspace
 from benchmark.episodes.evaluation import TruePiece, Verdict, judge
 from benchmark.episodes.picking import Picker, PickOutcome
 from benchmark.localizers.oracle import Truth
@@ -25,17 +24,15 @@ from benchmark.study.taught_models import Untaught, taught_models
 from benchmark.world import gl
 from benchmark.world.cell import WorkCell
 from benchmark.world.drop import DropResult, OnStep
-from benchmark.world.parts import get_part
-from benchmark.world.scene import CellConfig, cell_config
-from benchmark.world.sensor import calibration_error, sensor_config, with_hand_eye_error
-from robot.viewpoints import footprint, reachable_viewpoints, stations
+from benchmark.world.sensor import SensorConfig, calibration_error, sensor_config, with_hand_eye_error
 from vision.errors import InputError
 from vision.geometry.camera import View
-from vision.geometry.workspace import Workspace
 from vision.localizer import Localization, Localizer
 from vision.pose.calibration import CalibrationError
 
 Array = NDArray[np.float64]
+CELLS = CellPool()
+"""One cell stays open in every process that runs episodes."""
 
 
 class EpisodeObserver:
@@ -83,7 +80,10 @@ class _Sight:
 
 
 def run_episode(
-    config: EpisodeConfig, observer: EpisodeObserver | None = None, study: Path | None = None
+    config: EpisodeConfig,
+    observer: EpisodeObserver | None = None,
+    study: Path | None = None,
+    cells: CellPool = CELLS,
 ) -> EpisodeRecord:
     """Run one episode.
 
@@ -91,6 +91,7 @@ def run_episode(
         config: what to run.
         observer: is told what happens.
         study: directory of the sweep, for a variant with vision models of its own.
+        cells: where the cell comes from; has no influence on the result.
 
     Raises:
         InputError: an unknown part or localizer, or a variant without its models.
@@ -101,15 +102,16 @@ def run_episode(
     observer = observer or EpisodeObserver()
     watch = Stopwatch()
     with watch.stage("total"):
-        cell = _cell(config)
+        cell = cells.cell(config)
+        sensor = _sensor(config)
         observer.begin(cell, config)
         drop_rng, sensor_rng = np.random.default_rng(config.seed).spawn(2)
         with watch.stage("drop"):
-            dropped = cell.drop(drop_rng, on_step)
-        sight = _look(cell, config, sensor_rng, watch, observer, on_step)
+            dropped = cell.drop(drop_rng, on_step, sensor)
+        sight = _look(cell, cells.viewpoints(config), sensor_rng, watch, observer, on_step)
         pieces = _true_pieces(cell, dropped, sight)
         localizer = _localizer(
-            config, study, lambda: [(p.part, p.T_world_part) for p in pieces], calibration_error(cell.sensor)
+            config, study, lambda: [(p.part, p.T_world_part) for p in pieces], calibration_error(sensor)
         )
         with watch.stage("vision"):
             localization = localizer.localize(sight.views, workspace(cell.config))
@@ -134,6 +136,13 @@ def run_episode(
     )
 
 
+def _sensor(config: EpisodeConfig) -> SensorConfig:
+    """The sensor's preset, with the mounting error that the episode's variant asks for."""
+    sensor = sensor_config(config.sensor)
+    hand_eye_mm = config.variant.hand_eye_mm if config.variant is not None else None
+    return sensor if hand_eye_mm is None else with_hand_eye_error(sensor, hand_eye_mm / 1000)
+
+
 def _localizer(config: EpisodeConfig, study: Path | None, truth: Truth, calibration: CalibrationError) -> Localizer:
     """What the episode's localizer is, with the models that the episode's variant has been taught."""
     if config.variant is None or not config.variant.is_taught:
@@ -148,17 +157,9 @@ def _localizer(config: EpisodeConfig, study: Path | None, truth: Truth, calibrat
     return make_localizer(config.localizer, models, truth, calibration)
 
 
-def workspace(config: CellConfig) -> Workspace:
-    """The box in which pieces can lie: the bin, and a part's diameter above its walls."""
-    x, y, z = config.bin_centre_m
-    half_x, half_y = config.bin_size_m[0] / 2, config.bin_size_m[1] / 2
-    top = config.bin_wall_m + max(get_part(name).diameter_m for name in config.part_names)
-    return Workspace((x - half_x, y - half_y, z), (x + half_x, y + half_y, z + top))
-
-
 def _look(
     cell: WorkCell,
-    config: EpisodeConfig,
+    viewpoints: Viewpoints,
     rng: np.random.Generator,
     watch: Stopwatch,
     observer: EpisodeObserver,
@@ -166,7 +167,7 @@ def _look(
 ) -> _Sight:
     """Photograph the bin from every viewpoint."""
     views, true_views, visible = [], [], []
-    for index, (_, q) in enumerate(_viewpoints(cell.config, config.views)):
+    for index, (_, q) in enumerate(viewpoints):
         with watch.stage("motion"):
             cell.move_joints(q, on_step)
         with watch.stage("render"):
@@ -208,48 +209,3 @@ def _pick(
     observer.picked(outcome)
     owner = None if outcome.estimate is None else verdict.owner[outcome.estimate]
     return PickRecord(True, owner, outcome.succeeded, outcome.failed_stage, outcome.grasp)
-
-
-_open_cells: dict[tuple[CellConfig, str], WorkCell] = {}
-
-
-def _cell(config: EpisodeConfig) -> WorkCell:
-    """A cell for this episode; the last one is kept open, for compiling one takes longer than a drop."""
-    sensor = sensor_config(config.sensor)
-    key = (cell_config(config.parts, config.pieces), config.sensor)
-    if key not in _open_cells:
-        for other in _open_cells.values():
-            other.close()
-        _open_cells.clear()
-        _open_cells[key] = WorkCell(key[0], sensor)
-    cell = _open_cells[key]
-    hand_eye_mm = config.variant.hand_eye_mm if config.variant is not None else None
-    # Another calibration needs no other cell: it is drawn anew with every drop.
-    cell.sensor = sensor if hand_eye_mm is None else with_hand_eye_error(sensor, hand_eye_mm / 1000)
-    return cell
-
-
-@lru_cache(maxsize=8)
-def _viewpoints(config: CellConfig, count: int) -> list[tuple[RigidTransform, Array]]:
-    """Camera poses and joint angles; they depend on the cell alone."""
-    cell = next(cell for (known, _), cell in _open_cells.items() if known == config)
-    target = np.array(config.bin_centre_m)
-    target[2] += config.bin_wall_m / 3
-    return [
-        viewpoint
-        for x, y in bin_stations(config)
-        for viewpoint in reachable_viewpoints(
-            cell.kinematics,
-            cell.T_flange_camera,
-            target + np.array([x, y, 0.0]),
-            config.camera_distance_m,
-            count,
-            config.view_tilt_rad,
-        )
-    ]
-
-
-def bin_stations(config: CellConfig) -> Array:
-    """Where to aim, (N, 2) in metres from the bin's centre: several places if the bin is larger than a picture."""
-    largest = max(get_part(name).diameter_m for name in config.part_names)
-    return stations(config.bin_size_m, footprint(config.camera, config.camera_distance_m), overlap_m=largest)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from benchmark.config import EpisodeConfig
-from benchmark.episodes.episode import EpisodeObserver, run_episode, workspace
+from benchmark.episodes.cells import workspace
+from benchmark.episodes.episode import EpisodeObserver, run_episode
 from benchmark.episodes.evaluation import Verdict
 from benchmark.episodes.picking import PickOutcome
 from benchmark.localizers.registry import make_localizer

@@ -20,7 +20,8 @@ import numpy as np
 
 from benchmark.commands.common import prepare_process, results_console
 from benchmark.config import EpisodeConfig, episode_seed
-from benchmark.episodes.episode import EpisodeObserver, run_episode, workspace
+from benchmark.episodes.cells import workspace
+from benchmark.episodes.episode import EpisodeObserver, run_episode
 from benchmark.models import load_model
 from benchmark.report.grid import Grid, grids_as_markdown, part_title, print_grids
 from benchmark.report.published import PARTS

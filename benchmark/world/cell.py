@@ -66,6 +66,7 @@ class WorkCell:
         self._bodies = [self.model.body(f"piece_{i}").id for i in range(config.pieces)]
         self._renderer = CellRenderer(self.model, config, has_marks=sensor.texture_strength > 0)
         self._appearance: Appearance | None = None
+        self._episode_sensor = sensor
         self._hand_eye_error = RigidTransform.identity()
         mujoco.mj_forward(self.model, self.data)
         self.T_flange_camera = self.arm.T_world_flange.inv() * self.camera_truth()
@@ -80,18 +81,23 @@ class WorkCell:
         """Give the OpenGL context back."""
         self._renderer.close()
 
-    def drop(self, rng: np.random.Generator, on_step: OnStep | None = None) -> DropResult:
+    def drop(
+        self, rng: np.random.Generator, on_step: OnStep | None = None, sensor: SensorConfig | None = None
+    ) -> DropResult:
         """Begin an episode: park the arm, draw light, marks and calibration error, drop the pieces and let them rest.
 
         Args:
             rng: decides on everything in the episode up to the first picture.
             on_step: called after every physics step.
+            sensor: for this episode, instead of the cell's own; with marks on the pieces where that has them.
         """
+        sensor = sensor or self.sensor
         mujoco.mj_resetData(self.model, self.data)
         self._set_sleep(False)
         self.arm.place(PARK_Q)
-        self._appearance = sensors.sample_appearance(rng, self.sensor, self.camera)
-        self._hand_eye_error = sensors.sample_hand_eye_error(rng, self.sensor)
+        self._appearance = sensors.sample_appearance(rng, sensor, self.camera)
+        self._episode_sensor = sensor
+        self._hand_eye_error = sensors.sample_hand_eye_error(rng, sensor)
         self._renderer.apply(self._appearance)
         with self._without_noslip():
             result = drop_pieces(self.model, self.data, self.config, rng, on_step)
@@ -152,8 +158,8 @@ class WorkCell:
         """
         if self._appearance is None:
             raise InputError("work cell", got="a picture before the first drop", expected="a drop", do="Call drop().")
-        image = sensors.capture(self.render(), rng, self.sensor, self._appearance, self.camera)
-        misplaced = sensors.sample_repeatability_error(rng, self.sensor)
+        image = sensors.capture(self.render(), rng, self._episode_sensor, self._appearance, self.camera)
+        misplaced = sensors.sample_repeatability_error(rng, self._episode_sensor)
         T_world_flange = misplaced * self.kinematics.forward(self.arm.joint_positions)
         return View(image, self.camera, T_world_flange * self.T_flange_camera * self._hand_eye_error, name)
 

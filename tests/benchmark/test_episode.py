@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from benchmark.config import EpisodeConfig
-from benchmark.episodes import episode
-from benchmark.episodes.episode import EpisodeObserver, bin_stations, run_episode
+from benchmark.episodes.cells import CellPool, bin_stations
+from benchmark.episodes.episode import EpisodeObserver, run_episode
 from benchmark.records.episode_record import strip_timings, to_json
 from benchmark.world.scene import cell_config
 
@@ -88,12 +88,13 @@ def test_a_bin_that_fits_into_one_picture_has_one_station():
         assert bin_stations(cell_config((part,))).tolist() == [[0.0, 0.0]]
 
 
-def test_a_bin_larger_than_a_picture_is_photographed_from_several_stations(monkeypatch):
+def test_a_bin_larger_than_a_picture_is_photographed_from_several_stations():
     longer_lens = replace(cell_config(("cover2",), 4), focal_length_m=0.022)
-    monkeypatch.setattr(episode, "cell_config", lambda *_: longer_lens)
+    cells = CellPool(lambda *_: longer_lens)
     places = bin_stations(longer_lens)
     watcher = Watcher()
-    record = run_episode(EpisodeConfig(("cover2",), seed=10_000, views=2, task="none"), watcher)
+    record = run_episode(EpisodeConfig(("cover2",), seed=10_000, views=2, task="none"), watcher, cells=cells)
+    cells.close()
     assert len(places) > 1
     assert len(watcher.views) == 2 * len(places)
     assert sum(piece.results["dual"].matched for piece in record.pieces) >= 3
