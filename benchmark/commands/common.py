@@ -55,19 +55,15 @@ def split_parts(text: str | None) -> tuple[str, ...] | None:
     if text is None:
         return None
     from benchmark.world.mesh_file import MeshReference
-    from benchmark.world.parts import EXPECTED, PART_NAMES, get_part
+    from benchmark.world.parts import PART_NAMES, get_part
 
-    whole = MeshReference.parse(text)
-    if whole is not None and {",", "+"} & set(text) and whole.path.is_file():
-        expected = "a file without , and + in its path, for these separate parts"
-        raise InputError("part", got=whole.path, expected=expected, do="Rename it.")
     kinds = tuple(kind.strip() for kind in text.split(","))
     for name in (name for kind in kinds for name in kind.split("+")):
         if MeshReference.parse(name) is not None:
             get_part(name)
         elif name not in PART_NAMES:
             do = "Separate several with commas, join them with + for mixed scenes." if "," not in text else ""
-            raise InputError("part", got=name or "nothing", expected=EXPECTED, do=do)
+            raise InputError("part", got=name or "nothing", expected=f"one of {', '.join(PART_NAMES)}", do=do)
     return kinds
 
 

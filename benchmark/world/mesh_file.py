@@ -8,12 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import manifold3d
 import numpy as np
 import trimesh
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
-from benchmark.world.mesh_repair import one_solid
 from vision.errors import FileFormatError, InputError
 
 Floats = NDArray[np.float64]
@@ -67,10 +67,10 @@ def read_solid(reference: MeshReference) -> Manifold:
     mesh = _read(reference.path)
     mesh.apply_scale(MM_PER_UNIT[reference.unit])
     _check_size(reference, mesh.extents)
-    solid = one_solid(reference.path, mesh)
-    x, y = _axis(reference.path, _triangles(solid))
-    _, _, low, _, _, high = solid.bounding_box()
-    return solid.translate((-x, -y, -(low + high) / 2))
+    centre = _axis(reference.path, mesh)
+    low, high = mesh.bounds[:, 2]
+    mesh.apply_translation([-centre[0], -centre[1], -(low + high) / 2])
+    return _solid(reference.path, mesh)
 
 
 def check_exists(path: Path) -> None:
@@ -94,12 +94,9 @@ def _read(path: Path) -> trimesh.Trimesh:
         raise FileFormatError(str(path), got=f"{len(faces)} triangles", expected="a mesh with a closed surface")
     mesh = trimesh.Trimesh(mesh.vertices, faces, process=False)
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    if mesh.volume < 0:  # the faces look inwards
+        mesh.invert()
     return mesh
-
-
-def _triangles(solid: Manifold) -> trimesh.Trimesh:
-    mesh = solid.to_mesh64()
-    return trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts.astype(np.int64), process=False)
 
 
 def _check_size(reference: MeshReference, extents: Floats) -> None:
@@ -114,11 +111,7 @@ def _check_size(reference: MeshReference, extents: Floats) -> None:
         f"size of {reference.path}",
         got=f"{across * 1e-3:.4g} m across, read in {what[reference.unit]}",
         expected=f"from {SMALLEST_MM:g} to {LARGEST_MM:g} mm",
-        do=(
-            f"If it was drawn in {what[other]}, write {reference.path}:{other}, or --unit {other} to focalpick teach."
-            if fits
-            else "Scale it."
-        ),
+        do=f"If it was drawn in {what[other]}, write {reference.path}:{other}." if fits else "Scale it.",
     )
 
 
@@ -170,3 +163,25 @@ def _meeting_point(tangents: Floats, offsets: Floats, weights: Floats) -> Floats
     """The point (2,) nearest to lines with normals (N, 2) at offsets (N,) from the origin."""
     weighted = tangents * weights[:, None]
     return np.asarray(np.linalg.lstsq(weighted.T @ tangents, weighted.T @ offsets, rcond=None)[0])
+
+
+def _solid(path: Path, mesh: trimesh.Trimesh) -> Manifold:
+    """The mesh as a solid for exact cuts.
+
+    Raises:
+        InputError: its surface is not closed.
+    """
+    triangles = manifold3d.Mesh64(
+        np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.uint64)
+    )
+    triangles.merge()
+    solid = Manifold(triangles)
+    if solid.status() != manifold3d.Error.NoError or solid.is_empty():
+        sides = np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1]
+        raise InputError(
+            f"surface of {path}",
+            got=f"{np.count_nonzero(sides != 2)} edges that do not join two triangles",
+            expected="a closed surface",
+            do="Close its holes and remove inner and doubled faces.",
+        )
+    return solid

@@ -11,7 +11,6 @@ import json
 import os
 import shutil
 import tempfile
-import uuid
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -39,14 +38,7 @@ _PROPERTIES = "part.json"
 _VISUAL = "visual.obj"
 _SOURCES = tuple(
     Path(__file__).with_name(name)
-    for name in (
-        "assets.py",
-        "convex_pieces.py",
-        "mesh_file.py",
-        "mesh_part.py",
-        "mesh_repair.py",
-        "mesh_symmetry.py",
-    )
+    for name in ("assets.py", "convex_pieces.py", "mesh_file.py", "mesh_part.py", "mesh_symmetry.py")
 )
 
 
@@ -91,30 +83,19 @@ def part_from_mesh(
 
 
 def cache_directory() -> Path:
-    """Where built parts are kept: ``FOCALPICK_CACHE``, else a folder in the user's cache, or a temporary one."""
+    """Where built parts are kept: ``FOCALPICK_CACHE``, else a folder in the user's cache."""
     if chosen := os.environ.get(CACHE_VARIABLE):
         return Path(chosen)
-    if chosen := os.environ.get("XDG_CACHE_HOME"):
-        return Path(chosen) / "focalpick"
-    try:
-        return Path.home() / ".cache" / "focalpick"
-    except RuntimeError:  # no HOME, and a user that the system does not know, as in a container
-        return Path(tempfile.gettempdir()) / f"focalpick-{os.getuid()}"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "focalpick"
 
 
 def _built(reference: MeshReference) -> tuple[Path, dict[str, Any]]:
     """The directory of what was built from a mesh, and the properties in it; builds where there is none."""
     mesh_file.check_exists(reference.path)
     directory = cache_directory() / "parts" / _digest(reference)
-    try:
-        if not (directory / _PROPERTIES).is_file():
-            _build(reference, directory)
-        return directory, json.loads((directory / _PROPERTIES).read_text(encoding="ascii"))
-    except OSError as error:
-        raise ResourceError(
-            f"cache of parts in {directory.parent}: got {error.strerror}; expected a directory that can be written. "
-            f"Set {CACHE_VARIABLE} to another one."
-        ) from error
+    if not (directory / _PROPERTIES).is_file():
+        _build(reference, directory)
+    return directory, json.loads((directory / _PROPERTIES).read_text(encoding="ascii"))
 
 
 def _digest(reference: MeshReference) -> str:
@@ -127,19 +108,23 @@ def _digest(reference: MeshReference) -> str:
 def _build(reference: MeshReference, directory: Path) -> None:
     """Write a directory whole or not at all; of several processes that build the same, one wins."""
     solid = mesh_file.read_solid(reference)
-    directory.parent.mkdir(parents=True, exist_ok=True)
-    # Not tempfile.mkdtemp, whose directories only their owner can read: users may share a cache.
-    unfinished = directory.parent / f".unfinished-{uuid.uuid4().hex}"
-    unfinished.mkdir()
     try:
-        _write(solid, unfinished)
-        if not directory.exists():
-            unfinished.rename(directory)
-    except OSError:
-        if not (directory / _PROPERTIES).is_file():  # another process was not faster: it is the disk
-            raise
-    finally:
-        shutil.rmtree(unfinished, ignore_errors=True)
+        directory.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=directory.parent))
+        try:
+            _write(solid, unfinished)
+            if not directory.exists():
+                unfinished.rename(directory)
+        except OSError:
+            if not (directory / _PROPERTIES).is_file():  # another process was not faster: it is the disk
+                raise
+        finally:
+            shutil.rmtree(unfinished, ignore_errors=True)
+    except OSError as error:
+        raise ResourceError(
+            f"cache of parts in {directory.parent}: got {error.strerror}; expected a directory that can be written. "
+            f"Set {CACHE_VARIABLE} to another one."
+        ) from error
 
 
 def _write(solid: Manifold, directory: Path) -> None:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from benchmark.world import assets
 from benchmark.world.designs import DESIGNS, Design
 from benchmark.world.grasps import grasps_of
-from benchmark.world.mesh_file import MESH_SUFFIXES, MeshReference
+from benchmark.world.mesh_file import MeshReference
 from benchmark.world.mesh_part import part_from_mesh
 from benchmark.world.part import Bore, Part, Rim, Symmetry
 from vision.errors import FileFormatError, InputError
@@ -19,7 +19,6 @@ from vision.errors import FileFormatError, InputError
 Floats = NDArray[np.float64]
 
 PART_NAMES = tuple(DESIGNS)
-EXPECTED = f"one of {', '.join(PART_NAMES)}, or a mesh file ({', '.join(MESH_SUFFIXES)})"
 
 
 @cache
@@ -34,7 +33,7 @@ def get_part(name: str) -> Part:
     if (mesh := MeshReference.parse(name)) is not None:
         return part_from_mesh(mesh.path, mesh.unit)
     if name not in DESIGNS:
-        raise InputError("part", got=repr(name), expected=EXPECTED)
+        raise InputError("part", got=repr(name), expected=f"one of {', '.join(PART_NAMES)}, or a mesh file")
     design = DESIGNS[name]
     meshes = assets.ASSETS / "meshes"
     try:
