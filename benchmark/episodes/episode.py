@@ -30,6 +30,7 @@ from benchmark.world.scene import CellConfig, cell_config
 from benchmark.world.sensor import calibration_error, sensor_config, with_hand_eye_error
 from robot.viewpoints import footprint, reachable_viewpoints, stations
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace
 from vision.localizer import Localization, Localizer
@@ -74,6 +75,7 @@ class Stopwatch:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class _Sight:
     """What was photographed, and the truth about it."""
 
