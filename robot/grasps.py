@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 from robot.trajectory import Trajectory
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 
 Array = NDArray[np.float64]
 
@@ -42,10 +43,6 @@ class TaughtGrasp:
                 f"grasp {self.name}", got=f"width {self.width_m} m, {self.copies} copies", expected="both above zero"
             )
 
-    def __reduce__(self) -> tuple[object, ...]:
-        """Rebuild through the constructor, which checks the values."""
-        return (TaughtGrasp, (self.name, self.T_part_tcp, self.width_m, self.kind, self.copies))
-
 
 @dataclass(frozen=True, eq=False)
 class OpenedGrasp:
@@ -65,6 +62,7 @@ class OpenedGrasp:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Piece:
     """A localised piece: a thing to take, and an obstacle while others are taken.
 
@@ -81,13 +79,7 @@ class Piece:
     confidence: float = 1.0
 
     def __post_init__(self) -> None:
-        points = np.array(self.points_part, dtype=float).reshape(-1, 3)
-        points.flags.writeable = False
-        object.__setattr__(self, "points_part", points)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the array stays read-only."""
-        return (Piece, (self.T_world_part, self.grasps, self.points_part, self.confidence))
+        object.__setattr__(self, "points_part", np.array(self.points_part, dtype=float).reshape(-1, 3))
 
     @property
     def points_world(self) -> Array:

@@ -26,6 +26,7 @@ from benchmark.world.cell import WorkCell
 from benchmark.world.drop import DropResult, OnStep
 from benchmark.world.sensor import SensorConfig, calibration_error, sensor_config, with_hand_eye_error
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.localizer import Localization, Localizer
 from vision.pose.calibration import CalibrationError
@@ -71,6 +72,7 @@ class Stopwatch:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class _Sight:
     """What was photographed, and the truth about it."""
 

@@ -19,6 +19,7 @@ from robot.arm import Arm
 from robot.kinematics import HOME_Q, ArmKinematics
 from robot.trajectory import Trajectory, joint_trajectory
 from vision.errors import InputError
+from vision.frozen import read_only
 from vision.geometry.camera import Camera, View
 
 Array = NDArray[np.float64]
@@ -26,8 +27,7 @@ Array = NDArray[np.float64]
 ARM_PREFIX = "arm/"
 GRIPPER_PREFIX = "arm/gripper/"
 # Clear of the bin, of falling pieces and of the light.
-PARK_Q = np.radians([100.0, -110.0, 35.0, 0.0, 75.0, 0.0])
-PARK_Q.flags.writeable = False
+PARK_Q = read_only(np.radians([100.0, -110.0, 35.0, 0.0, 75.0, 0.0]))
 _ARM_REST_RAD_S = 2e-4
 _SETTLE_STEPS = 10
 _SETTLE_ROUNDS = 25

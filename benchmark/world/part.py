@@ -15,6 +15,7 @@ from scipy.spatial.transform import RigidTransform
 
 from benchmark.world.grasps import Grasp, turns_about_z
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 
 Floats = NDArray[np.float64]
 
@@ -82,6 +83,7 @@ class Rim:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Part:
     """An industrial part whose salient feature is a 3D circle.
 
@@ -117,10 +119,4 @@ class Part:
 
     def __post_init__(self) -> None:
         for field in ("centre_of_mass_m", "inertia"):
-            array = np.array(getattr(self, field), dtype=float)
-            array.flags.writeable = False
-            object.__setattr__(self, field, array)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Part, tuple(getattr(self, field) for field in self.__dataclass_fields__))
+            object.__setattr__(self, field, np.array(getattr(self, field), dtype=float))

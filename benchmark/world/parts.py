@@ -15,6 +15,7 @@ from benchmark.world.mesh_file import MeshReference
 from benchmark.world.mesh_part import part_from_mesh
 from benchmark.world.part import Bore, Part, Rim, Symmetry
 from vision.errors import FileFormatError, InputError
+from vision.frozen import read_only
 
 Floats = NDArray[np.float64]
 
@@ -67,9 +68,7 @@ def get_part(name: str) -> Part:
 @cache
 def vertices(part: Part) -> Floats:
     """Vertices (N, 3) of the visual mesh in metres, in the part frame; read-only."""
-    array = assets.read_vertices(part.visual_mesh)
-    array.flags.writeable = False
-    return array
+    return read_only(assets.read_vertices(part.visual_mesh))
 
 
 def _bore(design: Design) -> Bore:

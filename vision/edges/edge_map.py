@@ -7,7 +7,7 @@ straight through and the stem of the T ends there; short gaps, such as Canny lea
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from vision.edges.chains import link_pixels, localise
 from vision.edges.peaks import settle
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.settings import NOT_NEGATIVE, POSITIVE, Allowed, check, count
 
 Array = NDArray[np.float64]
@@ -72,6 +73,7 @@ class EdgeParameters:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class EdgeMap:
     """Chains of sub-pixel edge points of one image.
 
@@ -94,16 +96,6 @@ class EdgeMap:
     index: NDArray[np.int32]
     gx: NDArray[np.int16]
     gy: NDArray[np.int16]
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            array = np.ascontiguousarray(getattr(self, field.name)).view()
-            array.flags.writeable = False
-            object.__setattr__(self, field.name, array)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (EdgeMap, tuple(getattr(self, field.name) for field in fields(self)))
 
     def __len__(self) -> int:
         return len(self.offsets) - 1

@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Ellipse:
     """An ellipse in the image, in pixels.
 
@@ -36,16 +38,9 @@ class Ellipse:
             raise InputError(
                 "focal parameters of an ellipse", got=p.tolist(), expected="5 finite numbers with s > |P1 P2|"
             )
-        p.flags.writeable = False
         object.__setattr__(self, "p", p)
         if self.covariance is not None:
-            covariance = np.array(self.covariance, dtype=float)
-            covariance.flags.writeable = False
-            object.__setattr__(self, "covariance", covariance)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Ellipse, (self.p, self.covariance))
+            object.__setattr__(self, "covariance", np.array(self.covariance, dtype=float))
 
     @classmethod
     def from_geometric(cls, x: float, y: float, semi_major: float, semi_minor: float, angle: float) -> Ellipse:

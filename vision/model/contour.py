@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.frozen import frozen_arrays, read_only
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, plane_axes
 from vision.model.projection import ContourSamples, project_samples
@@ -22,6 +23,7 @@ PATTERN_SAMPLES = 24  # of one copy
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Curve:
     """The first copy of a feature, sampled: points, tangents and normals (S, 3)."""
 
@@ -67,6 +69,7 @@ COVER_MARGIN = 0.1  # of the part's radius, behind the surface of another part
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Projection:
     """The samples of a contour in one view.
 
@@ -82,6 +85,7 @@ class Projection:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class ModelContour:
     """Points along the circles and patterns of a vision model, dense enough for the image scale at hand.
 
@@ -119,7 +123,7 @@ class ModelContour:
     @cached_property
     def circle_feature(self) -> NDArray[np.intp]:
         """(C,) number of the feature that a circle is a copy of: the model's circles first, then its patterns."""
-        return np.asarray(np.cumsum(self.circle_copies > 0) - 1, np.intp)
+        return read_only(np.asarray(np.cumsum(self.circle_copies > 0) - 1, np.intp))
 
     @cached_property
     def samples(self) -> ContourSamples:
@@ -127,7 +131,7 @@ class ModelContour:
         points, tangents, normals = (np.ascontiguousarray(a.T) for a in (self.points, self.tangents, self.normals))
         rims = np.ascontiguousarray(np.moveaxis(self.rims[self.circle], 0, 2))
         margin_m = COVER_MARGIN * float(np.abs(points).max(initial=0.0))
-        return ContourSamples(points, tangents, normals, self.circle, rims, margin_m)
+        return read_only(ContourSamples(points, tangents, normals, self.circle, rims, margin_m))
 
     def asymmetric(self) -> ModelContour:
         """The circles alone that tell the rotation about z; the numbering of the circles stays."""

@@ -16,6 +16,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from vision.errors import InputError
 from vision.extraction import ExtractionThresholds
 from vision.features import Process
+from vision.frozen import frozen_arrays
 from vision.geometry.circle import Circle
 
 Array = NDArray[np.float64]
@@ -70,6 +71,7 @@ class CircleFeature:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Pattern:
     """Edges on a face that are no taught circles, such as those of slots: a supporting feature (Section 6).
 
@@ -100,12 +102,7 @@ class Pattern:
                 good = bool((np.abs(np.linalg.norm(array, axis=-1) - 1) < _UNIT_TOLERANCE).all())
             if not good:
                 raise InputError(f"{name} of pattern {self.name!r}", got=array, expected=expected)
-            array.flags.writeable = False
             object.__setattr__(self, name, array)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Pattern, (self.name, self.normal, self.points, self.directions))
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +184,7 @@ class VisionModel:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class SalientCircles:
     """The salient circles as arrays: height along z (K,), side (K,) +1 or -1, radius (K,) in metres."""
 

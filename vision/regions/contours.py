@@ -8,6 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.frozen import frozen_arrays
+
 _STEPS = np.array([[1, 0], [1, -1], [0, -1], [-1, -1], [-1, 0], [-1, 1], [0, 1], [1, 1]])
 """(x, y) of the eight neighbours, counter-clockwise as seen on the screen, from the one to the right."""
 
@@ -15,6 +17,7 @@ _SEEN, _SEEN_WITH_RIGHT_SIDE = 1, -1
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Contours:
     """The boundary pixels of regions.
 

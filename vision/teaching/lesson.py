@@ -12,6 +12,7 @@ from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
 from vision.extraction import ExtractionThresholds
 from vision.features import EllipseFeature, Process
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse, overlap
@@ -34,6 +35,7 @@ SAME_FEATURE_OVERLAP = 0.8
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class TaughtFeature:
     """One feature as the person marked it.
 
