@@ -38,7 +38,15 @@ _PROPERTIES = "part.json"
 _VISUAL = "visual.obj"
 _SOURCES = tuple(
     Path(__file__).with_name(name)
-    for name in ("assets.py", "convex_pieces.py", "mesh_file.py", "mesh_part.py", "mesh_symmetry.py")
+    for name in (
+        "assets.py",
+        "convex_pieces.py",
+        "mesh_bodies.py",
+        "mesh_file.py",
+        "mesh_part.py",
+        "mesh_surface.py",
+        "mesh_symmetry.py",
+    )
 )
 
 
