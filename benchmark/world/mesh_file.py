@@ -50,9 +50,9 @@ class MeshReference:
     def parse(cls, name: str) -> MeshReference | None:
         """The mesh that a part's name refers to; None where the name is not that of a mesh file."""
         path, _, unit = name.rpartition(":")
-        if unit not in MM_PER_UNIT:
+        if unit.lower() not in MM_PER_UNIT:
             path, unit = name, "m"
-        return cls(Path(path), unit) if Path(path).suffix.lower() in MESH_SUFFIXES else None
+        return cls(Path(path), unit.lower()) if Path(path).suffix.lower() in MESH_SUFFIXES else None
 
 
 def read_solid(reference: MeshReference) -> Manifold:
@@ -77,13 +77,18 @@ def read_solid(reference: MeshReference) -> Manifold:
 
 
 def check_exists(path: Path) -> None:
-    """Make sure that there is a file.
+    """Make sure that there is a file that can be read.
 
     Raises:
         InputError: there is none.
     """
-    if not path.is_file():
-        raise InputError("mesh", got=f"no file {path}", expected="an OBJ, STL or PLY file")
+    expected = "an OBJ, STL or PLY file"
+    try:
+        if not path.is_file():
+            raise InputError("mesh", got=f"no file {path}", expected=expected)
+        path.open("rb").close()
+    except OSError as error:
+        raise InputError("mesh", got=f"{path} ({error.strerror})", expected=f"{expected} that can be read") from None
 
 
 def _read(path: Path) -> trimesh.Trimesh:
@@ -108,11 +113,12 @@ def _check_size(reference: MeshReference, extents: Floats) -> None:
     in_other = across / MM_PER_UNIT[reference.unit] * MM_PER_UNIT[other]
     fits = SMALLEST_MM <= in_other <= LARGEST_MM
     what = {"m": "metres", "mm": "millimetres"}
+    say_so = f"write {reference.path}:{other}; focalpick teach also takes --unit {other}"
     raise InputError(
         f"size of {reference.path}",
         got=f"{across * 1e-3:.4g} m across, read in {what[reference.unit]}",
         expected=f"from {SMALLEST_MM:g} to {LARGEST_MM:g} mm",
-        do=f"If it was drawn in {what[other]}, write {reference.path}:{other}." if fits else "Scale it.",
+        do=f"If it was drawn in {what[other]}, {say_so}." if fits else "Scale it.",
     )
 
 

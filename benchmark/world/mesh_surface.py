@@ -213,7 +213,7 @@ def _agreeing(vertices: Floats, faces: Ints) -> Surface:
     label = connected_components(graph, directed=False)[1]
     as_is, turned = label[:count], label[count:]
     area = np.bincount(as_is, _areas(vertices, faces), minlength=label.max() + 1)
-    minor = area[as_is] < area[turned]
+    minor = (area[as_is] < area[turned]) | ((area[as_is] == area[turned]) & (as_is > turned))
     agreeing = np.where(minor[:, None], faces[:, ::-1], faces)
     one_sided = as_is == turned
     if one_sided.any() or not _agree(agreeing):
