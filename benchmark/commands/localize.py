@@ -78,12 +78,17 @@ def localize(
 def _models(part: str | None, files: Sequence[Path]) -> list[VisionModel]:
     from benchmark.commands.common import split_parts
     from benchmark.models import load_model as load_shipped
+    from benchmark.world.mesh_file import MeshReference
     from vision.model.model_file import load_model
 
     if (part is None) == (not files):
         got = "neither" if part is None else "both"
         raise InputError("--part and --model", got=got, expected="one of them")
     names = dict.fromkeys(name for kind in split_parts(part) or () for name in kind.split("+"))
+    for name in names:
+        if MeshReference.parse(name) is not None:
+            expected = "a part whose model is shipped: hub, cover1 or cover2"
+            raise InputError("--part", got=name, expected=expected, do="Give the model that you taught with --model.")
     return [load_shipped(name) for name in names] + [load_model(file) for file in files]
 
 

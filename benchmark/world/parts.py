@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,7 @@ def get_part(name: str) -> Part:
     if (mesh := MeshReference.parse(name)) is not None:
         return part_from_mesh(mesh.path, mesh.unit)
     if name not in DESIGNS:
-        raise InputError("part", got=repr(name), expected=f"one of {', '.join(PART_NAMES)}, or a mesh file")
+        raise unknown_part(name)
     design = DESIGNS[name]
     meshes = assets.ASSETS / "meshes"
     try:
@@ -63,6 +64,19 @@ def get_part(name: str) -> Part:
         bore=_bore(design),
         rims=tuple(Rim(e.name, e.z * 1e-3, e.radius * 1e-3, e.side, e.offset * 1e-3, e.copies) for e in design.edges),
     )
+
+
+def unknown_part(name: str) -> InputError:
+    """The error that says which parts there are."""
+    file, _, unit = name.rpartition(":")
+    if MeshReference.parse(file) is not None:
+        do = f"Write :m or :mm for the unit, not :{unit}."
+    elif Path(name).suffix:
+        do = "Export it as one of these."
+    else:
+        do = "Commas separate parts, and + mixes them."
+    expected = f"one of {', '.join(PART_NAMES)}, or a mesh file (OBJ, STL or PLY)"
+    return InputError("part", got=name or "nothing", expected=expected, do=do)
 
 
 @cache
