@@ -35,11 +35,11 @@ def test_both_faces_and_the_holes_are_taught(model):
     assert all(f.copies == HOLES for f in model.supporting)
     assert model.symmetry_fold == 5
     assert model.bore.diameter_m == pytest.approx(0.015, abs=1e-5)
-    assert len(model.features) >= 8
 
 
 def test_circles_are_true_to_the_drawing(model):
     rims = {r.name: r for r in RIMS}
+    assert len(model.features) >= 8
     for feature in model.features:
         rim = rims[feature.name]
         assert 1e3 * np.linalg.norm(feature.circle.centre - np.array([rim.offset, 0, rim.z]) * 1e-3) < 0.1

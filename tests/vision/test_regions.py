@@ -271,7 +271,7 @@ def noisy(ellipse, n, part, sigma, rng):
 
 
 @pytest.mark.parametrize(("a", "b", "part"), [(100, 80, 1.0), (100, 80, 0.5), (40, 12, 1.0), (100, 99.9, 1.0)])
-def test_the_covariance_is_honest(a, b, part):
+def test_the_covariance_of_region_ellipses_is_honest(a, b, part):
     truth, rng, trials = Ellipse.from_geometric(300, 200, a, b, 0.4), np.random.default_rng(1), 150
     errors = []
     for _ in range(trials):
