@@ -139,7 +139,7 @@ class EpisodeRecord:
         scene: ``EpisodeConfig.scene``.
         seed: ``EpisodeConfig.seed``.
         config_hash: ``EpisodeConfig.config_hash``.
-        environment: ``benchmark.records.environment.environment_stamp()``.
+        environment: ``benchmark.records.environment.environment_stamp``; older records have fewer entries.
         pieces: one record for each piece.
         picks: in the order in which they were made.
         false_positives: by localizer, the number of poses that belong to no piece.

@@ -3,7 +3,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import json
-import multiprocessing
 import os
 import resource
 from dataclasses import replace
@@ -14,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmark.config import SweepConfig
-from benchmark.records.environment import environment_stamp
 from benchmark.records.episode_record import (
     EpisodeRecord,
     NormalizedError,
@@ -69,7 +67,7 @@ records = st.builds(
     key=st.text(),
     parts=st.lists(st.text(max_size=5), max_size=3).map(tuple),
     scene=st.integers(0, 99),
-    seed=st.integers(0, 2**63),
+    seed=st.integers(0, 2**63 - 1),
     config_hash=st.text(max_size=5),
     pieces=st.lists(pieces, max_size=3).map(tuple),
     picks=st.lists(
@@ -232,11 +230,3 @@ def test_a_file_that_may_not_grow_is_a_resource_error_and_is_repaired(tmp_path: 
             resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     write(tmp_path, "hub/002")
     assert [r.key for r in read_records(tmp_path)] == ["hub/000", "hub/002"]
-
-
-def test_environment_stamp_is_the_same_in_every_process() -> None:
-    stamp = environment_stamp("llvmpipe")
-    assert stamp["gl_renderer"] == "llvmpipe"
-    assert stamp["numpy"][0].isdigit()
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        assert pool.apply(environment_stamp, ("llvmpipe",)) == stamp
