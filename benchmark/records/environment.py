@@ -31,6 +31,8 @@ _DISTRIBUTIONS = {
     "llvmlite": "llvmlite",
 }
 _VECTOR_FEATURE = re.compile(r"(avx|sse|ssse|fma|f16c|amx|neon|asimd|sve|sme(?!p)|altivec|vsx|rvv)")
+_OVERRIDES = ("GALLIUM_OVERRIDE_CPU_CAPS", "OPENCV_CPU_DISABLE", "OPENCV_IPP", "OPENBLAS_L2_SIZE")
+"""Variables by which a library takes the processor for another one without telling so in what it says of itself."""
 _OPENBLAS_NAMES = ("scipy_openblas_get_{}64_", "scipy_openblas_get_{}", "openblas_get_{}")
 
 
@@ -57,6 +59,7 @@ def _machine() -> dict[str, str]:
         "numpy_simd": " ".join(np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])),
         "blas": _blas(),
         "numba_cpu": _numba_cpu(),
+        "overrides": " ".join(f"{name}={os.environ[name]}" for name in _OVERRIDES if name in os.environ),
     }
     return {**versions, **machine}
 

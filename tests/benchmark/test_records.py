@@ -19,6 +19,7 @@ from benchmark.records.episode_record import (
     PickRecord,
     PieceRecord,
     PoseErrors,
+    PoseOffset,
     ProcessResult,
     from_json,
     strip_timings,
@@ -45,12 +46,14 @@ RECORD = EpisodeRecord(
 texts = st.none() | st.text(max_size=8)
 lengths = st.floats(0, 1e6)
 errors = st.builds(PoseErrors, lengths, lengths, st.none() | lengths, lengths, lengths)
+vectors = st.tuples(*3 * [st.floats(-1e6, 1e6)])
 results = st.builds(ProcessResult, st.booleans(), st.just(False)) | st.builds(
     ProcessResult,
     st.booleans(),
     st.booleans(),
     errors,
     st.none() | st.builds(NormalizedError, lengths, st.sampled_from([5, 6])),
+    st.none() | st.builds(PoseOffset, vectors, vectors),
 )
 pieces = st.builds(
     PieceRecord, st.integers(0, 9), st.text(max_size=5), st.floats(0, 1), st.booleans(), st.just({}), texts
@@ -110,10 +113,11 @@ def test_a_bad_field_is_named_with_its_line(path: tuple[str | int, ...], value: 
         from_json(json.dumps(fields), "episodes.jsonl line 4")
 
 
-def test_records_of_before_the_normalized_error_are_read() -> None:
+@pytest.mark.parametrize("newer", [',"normalized":null', ',"offset":null'])
+def test_records_of_before_a_field_are_read(newer: str) -> None:
     line = to_json(RECORD)
-    assert ',"normalized":null' in line
-    assert from_json(line.replace(',"normalized":null', "")) == RECORD
+    assert newer in line
+    assert from_json(line.replace(newer, "")) == RECORD
 
 
 def test_a_missing_field_is_named() -> None:
@@ -133,6 +137,12 @@ def test_what_is_no_record_is_refused(line: str) -> None:
 def test_errors_without_sense_are_refused(value: float) -> None:
     with pytest.raises(InputError, match="tilt_deg"):
         PoseErrors(0.0, value, None, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("vector", [(), (1.0, 2.0), (0.0, float("nan"), 0.0), (0.0, 0.0, 0.0, 0.0)])
+def test_offsets_without_sense_are_refused(vector: tuple[float, ...]) -> None:
+    with pytest.raises(InputError, match="rotation_deg"):
+        PoseOffset((0.0, 0.0, 0.0), vector)
 
 
 def test_strip_timings_leaves_the_rest() -> None:
