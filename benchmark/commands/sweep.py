@@ -62,7 +62,7 @@ def sweep(
         views: number of viewpoints, 2 or 3.
         task: pick, or none to stop when the poses are found.
         workers: processes that run side by side, one for each core in the presets.
-        seed: any whole number; the same seed gives the same results.
+        seed: any whole number; the same seed gives the same results on the same machine.
         models: directory of taught models, each named after its part: pulley.json for pulley.obj. They come before
             the shipped ones.
         out: directory for the records; results/PRESET when left out.

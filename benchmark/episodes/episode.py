@@ -1,4 +1,7 @@
-"""One episode: drop, look, localise, judge, pick.  A seed determines it to the last bit on one platform."""
+"""One episode: drop, look, localise, judge, pick.
+
+A seed determines it to the last bit where the stamp of the environment (``benchmark.records.environment``) is equal.
+"""
 
 from __future__ import annotations
 
@@ -130,7 +133,7 @@ def run_episode(
         scene=config.scene,
         seed=config.seed,
         config_hash=config.config_hash,
-        environment=environment_stamp(gl.renderer_name()),
+        environment=environment_stamp(gl.drawn_by()),
         pieces=verdict.pieces,
         picks=picks,
         false_positives=verdict.false_positives,

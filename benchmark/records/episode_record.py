@@ -63,6 +63,27 @@ class NormalizedError:
 
 
 @dataclass(frozen=True)
+class PoseOffset:
+    """The way from the true pose of a piece to the estimated one; of the poses that look the same, to the nearest.
+
+    Unlike the size of the errors it tells how far the estimates of two sweeps lie apart.
+
+    Attributes:
+        translation_mm: x, y and z in the frame of the true piece.
+        rotation_deg: rotation vector in that frame; without a turn about the axis where the estimate does not know
+            it or the part has none.
+    """
+
+    translation_mm: tuple[float, ...]
+    rotation_deg: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            if len(value) != 3 or not all(map(math.isfinite, value)):
+                raise InputError(f"pose offset {name}", got=value, expected="three finite numbers")
+
+
+@dataclass(frozen=True)
 class ProcessResult:
     """What one localizer made of one piece.
 
@@ -72,12 +93,15 @@ class ProcessResult:
         errors: of the pose assigned to the piece, None where there is none.
         normalized: the same against the covariance that came with the pose; None where there is no pose, no usable
             covariance, or the record is older than this field.
+        offset: from the true pose to the one assigned; None where there is none, or the record is older than this
+            field.
     """
 
     extracted: bool
     matched: bool
     errors: PoseErrors | None = None
     normalized: NormalizedError | None = field(default=None, metadata=MAY_BE_MISSING)
+    offset: PoseOffset | None = field(default=None, metadata=MAY_BE_MISSING)
 
     def __post_init__(self) -> None:
         if self.matched and self.errors is None:
@@ -139,7 +163,7 @@ class EpisodeRecord:
         scene: ``EpisodeConfig.scene``.
         seed: ``EpisodeConfig.seed``.
         config_hash: ``EpisodeConfig.config_hash``.
-        environment: ``benchmark.records.environment.environment_stamp()``.
+        environment: ``benchmark.records.environment.environment_stamp``; older records have fewer entries.
         pieces: one record for each piece.
         picks: in the order in which they were made.
         false_positives: by localizer, the number of poses that belong to no piece.

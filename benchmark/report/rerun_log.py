@@ -64,7 +64,7 @@ _FRUSTUM_SHARE = 0.2  # of the distance to the bin
 def record_episode(config: EpisodeConfig, path: Path) -> EpisodeRecord:
     """Run an episode and record it.
 
-    Two recordings of one configuration on one platform hold the same data: neither wall times nor dates are in them.
+    Two recordings of one configuration on one machine hold the same data: neither wall times nor dates are in them.
 
     Args:
         config: what to run.

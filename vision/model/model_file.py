@@ -124,7 +124,7 @@ def _measured(value: float, decimals: int = 6) -> float:
     """What was measured in the views is written to a micrometre, a hundredth of what teaching aims at.
 
     The last bits of a measurement come from the machine: processors fuse multiplications and additions differently.
-    What is coarser than they are by orders of magnitude gives the same text everywhere.
+    What is coarser than they are by orders of magnitude seldom shows them.
     """
     return round(float(value), decimals) + 0.0
 
