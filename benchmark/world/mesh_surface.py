@@ -16,6 +16,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from vision.frozen import frozen_arrays
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -41,6 +43,7 @@ class OpenSurfaceError(Exception):
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Surface:
     """A closed surface whose triangles agree on which side is out.
 
@@ -93,6 +96,7 @@ def open_edges(faces: Ints) -> Ints:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class _Edges:
     """The edges of M triangles: first those from each one's first corner, then those from its second, and so on.
 
