@@ -13,7 +13,8 @@ import numpy as np
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
-from benchmark.world.mesh_surface import GAP_MM, Surface
+from benchmark.world.mesh_shells import Shell, shells_of
+from benchmark.world.mesh_surface import GAP_MM, TURN, Surface
 
 Floats = NDArray[np.float64]
 
@@ -50,7 +51,7 @@ def one_solid(surface: Surface) -> Manifold:
     if surface.turned > MOST_TURNED:
         raise BodiesError(
             f"{len(shells)} bodies with triangles that look in opposite directions",
-            "Let its faces be turned in the program that made it (recalculate the normals).",
+            TURN,
         )
     solid = Manifold.batch_boolean(_bodies(shells), manifold3d.OpType.Add)
     _check_in_one_place(solid)
@@ -58,25 +59,40 @@ def one_solid(surface: Surface) -> Manifold:
 
 
 def _shells(surface: Surface) -> list[Manifold]:
-    """The connected parts of a surface, the largest first; altogether they enclose more than nothing."""
-    mesh = _manifold(surface.vertices, surface.faces)
-    if mesh.volume() < 0:  # its triangles look inwards
-        mesh = _manifold(surface.vertices, surface.faces[:, ::-1])
-    shells = [shell for shell in mesh.decompose() if abs(shell.volume()) > CRUMB_MM3]
-    if mesh.status() != manifold3d.Error.NoError or not shells or not mesh.volume() > 0:
+    """The shells of a surface, the largest first; altogether they enclose more than nothing.
+
+    Raises:
+        BodiesError: they do not, or one passes through itself.
+    """
+    shells = [shell for shell in shells_of(surface) if abs(shell.volume) > CRUMB_MM3]
+    if sum(shell.volume for shell in shells) < 0:  # its triangles look inwards
+        shells = [shell.inside_out() for shell in shells]
+    if not shells:
         raise BodiesError("a surface that encloses nothing", "Export the part as a solid.")
-    for shell in shells:
-        _check_simple(shell if shell.volume() > 0 else _inside_out(shell))
-    return sorted(shells, key=lambda shell: -abs(shell.volume()))
+    return sorted(map(_manifold, shells), key=lambda shell: -abs(shell.volume()))
 
 
-def _manifold(vertices: Floats, faces: NDArray[np.int64]) -> Manifold:
-    return Manifold(manifold3d.Mesh64(np.array(vertices), np.array(faces, dtype=np.uint64)))
+def _manifold(shell: Shell) -> Manifold:
+    """A shell for exact cuts.
+
+    Raises:
+        BodiesError: it passes through itself.
+    """
+    solid = _as_is(shell)
+    outwards = solid if shell.volume > 0 else _as_is(shell.inside_out())
+    _check_simple(outwards)
+    if abs(solid.volume() - shell.volume) > TWICE * abs(shell.volume):
+        raise BodiesError("a surface that touches itself", "Unite what touches in the program that made it.")
+    return solid
+
+
+def _as_is(shell: Shell) -> Manifold:
+    return Manifold(manifold3d.Mesh64(np.array(shell.vertices), np.array(shell.faces, dtype=np.uint64)))
 
 
 def _inside_out(shell: Manifold) -> Manifold:
     mesh = shell.to_mesh64()
-    return _manifold(mesh.vert_properties[:, :3], mesh.tri_verts[:, ::-1].astype(np.int64))
+    return _as_is(Shell(mesh.vert_properties[:, :3], mesh.tri_verts[:, ::-1].astype(np.int64)))
 
 
 def _check_simple(shell: Manifold) -> None:

@@ -45,8 +45,10 @@ _SOURCES = tuple(
         "mesh_bodies.py",
         "mesh_file.py",
         "mesh_part.py",
+        "mesh_shells.py",
         "mesh_surface.py",
         "mesh_symmetry.py",
+        "mesh_topology.py",
     )
 )
 

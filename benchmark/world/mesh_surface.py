@@ -12,10 +12,19 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from benchmark.world.mesh_topology import (
+    components,
+    do_agree,
+    edges_of,
+    net,
+    once,
+    open_edges,
+    open_sheets,
+    repeated,
+    with_three_corners,
+)
 from vision.frozen import frozen_arrays
 
 Floats = NDArray[np.float64]
@@ -23,9 +32,10 @@ Ints = NDArray[np.int64]
 
 GAP_MM = 0.01
 """Corners along open edges that are closer than this are one."""
-WIDE_GAPS_MM = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+WIDE_GAPS_MM = (0.05, 0.2, 1.0)
 """What could close a surface, to tell the user; nothing is repaired with these."""
 FLAT_MM = 1e-6  # a triangle that is no higher than this may be left out
+TURN = "Let its faces be turned in the program that made it (recalculate the normals)."
 
 
 class OpenSurfaceError(Exception):
@@ -68,77 +78,49 @@ def closed_surface(vertices: Floats, faces: Ints) -> Surface:
     Raises:
         OpenSurfaceError: it has holes or inner walls, or its triangles cannot agree.
     """
-    whole = _closed(vertices, faces, GAP_MM)
-    if whole is None:
+    closed = _closed(vertices, faces, GAP_MM)
+    if closed is None:
         raise _complaint(vertices, faces)
-    return _agreeing(vertices, whole)
+    return _agreeing(vertices, closed)
 
 
 def _closed(vertices: Floats, faces: Ints, gap_mm: float) -> Ints | None:
-    """Faces that enclose what the given ones do, with an even number of them at every edge; None if there are none.
-
-    Which of two equal triangles is too many depends on what they are: a triangle that was written twice stays once,
-    the wall between two bodies that touch goes altogether. Only one of the two leaves nothing open.
-    """
-    joined = _spread(_joined(vertices, _once(_spread(faces)), gap_mm)[faces])
-    for candidate in (_once(joined), _odd(joined)):
-        upright = candidate[_heights(vertices, candidate) > FLAT_MM]
-        for kept in (candidate, upright, _sewn(vertices, upright, gap_mm)):
+    """Faces that enclose what the given ones do, an even number of them at every edge; None if there are none."""
+    joined = with_three_corners(_joined(vertices, once(with_three_corners(faces)), gap_mm)[faces])
+    for reading in _readings(vertices, joined):
+        upright = reading[_heights(vertices, reading) > FLAT_MM]
+        for kept in (reading, upright, _sewn(vertices, upright, gap_mm)):
             if len(kept) and not len(open_edges(kept)):
                 return kept
     return None
 
 
-def open_edges(faces: Ints) -> Ints:
-    """The edges (K, 2) that join an odd number of triangles; there are none on a closed surface."""
-    edges = _edges(faces)
-    return np.stack(np.divmod(edges.keys[edges.counts % 2 == 1], edges.base), axis=1)
+def _readings(vertices: Floats, faces: Ints) -> list[Ints]:
+    """What may be meant by triangles of which some are there more than once; the first that is closed is right.
 
+    Where all agree, those back to back are the wall between two bodies that touch, and those that look the same way
+    were written twice, or belong to two bodies that overlap. Where some look the wrong way, none of this can be told,
+    and all that may have happened is that some were written twice.
 
-@dataclass(frozen=True, eq=False)
-@frozen_arrays
-class _Edges:
-    """The edges of M triangles: first those from each one's first corner, then those from its second, and so on.
-
-    Attributes:
-        keys: of every edge once, (K,): its lower corner times the base, plus its higher one.
-        base: larger than any corner.
-        of_side: the edge at each side, (3 M,).
-        counts: how many triangles there are at each edge, (K,).
-        ascending: whether the triangle passes its side from the lower corner to the higher one, (3 M,).
+    Raises:
+        OpenSurfaceError: a whole body is there twice, and not in such a way.
     """
-
-    keys: Ints
-    base: int
-    of_side: Ints
-    counts: Ints
-    ascending: NDArray[np.bool_]
-
-
-def _edges(faces: Ints) -> _Edges:
-    starts, ends = faces.T.ravel(), np.roll(faces, -1, axis=1).T.ravel()
-    base = int(faces.max(initial=0)) + 1
-    sides = np.minimum(starts, ends) * base + np.maximum(starts, ends)
-    keys, of_side, counts = np.unique(sides, return_inverse=True, return_counts=True)
-    return _Edges(keys, base, of_side, counts, starts < ends)
+    agree, single = do_agree(faces), once(faces)
+    left = net(faces) if agree else single
+    twice = _without(single, left) if agree else repeated(faces)
+    whole = twice[~open_sheets(twice)]
+    if 0 < len(whole) < len(single):
+        raise OpenSurfaceError(
+            "a body that is there twice, beside others", "Delete one of the two.", vertices[whole[0, 0]]
+        )
+    return [once(left), left] if len(left) else [single]
 
 
-def _spread(faces: Ints) -> Ints:
-    """The faces with three different corners."""
-    first, second, third = faces.T
-    return np.asarray(faces[(first != second) & (second != third) & (third != first)])
-
-
-def _once(faces: Ints) -> Ints:
-    """Every triangle once, in the order of first appearance, whichever way its copies look."""
-    kept = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]
-    return np.asarray(faces[np.sort(kept)])
-
-
-def _odd(faces: Ints) -> Ints:
-    """Once what is there an odd number of times, and nothing of what is there an even number of times."""
-    _, kept, counts = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-    return np.asarray(faces[np.sort(kept[counts % 2 == 1])])
+def _without(faces: Ints, others: Ints) -> Ints:
+    """The triangles that are not among others; both are there once."""
+    both = np.sort(np.vstack([faces, once(others)]), axis=1)
+    first, counts = np.unique(both, axis=0, return_index=True, return_counts=True)[1:]
+    return np.asarray(faces[np.sort(first[(counts == 1) & (first < len(faces))])])
 
 
 def _heights(vertices: Floats, faces: Ints) -> Floats:
@@ -164,8 +146,8 @@ def _joined(vertices: Floats, faces: Ints, gap_mm: float) -> Ints:
     if not len(corners):
         return same
     near = cKDTree(vertices[corners]).query_pairs(gap_mm, output_type="ndarray")
-    graph = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(corners), len(corners)))
-    count, group = connected_components(graph, directed=False)
+    group = components(len(corners), near[:, 0], near[:, 1])
+    count = int(group.max()) + 1
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(low, group, vertices[corners])
     np.maximum.at(high, group, vertices[corners])
@@ -179,7 +161,7 @@ def _joined(vertices: Floats, faces: Ints, gap_mm: float) -> Ints:
 def _sewn(vertices: Floats, faces: Ints, gap_mm: float) -> Ints:
     """The faces, and flat ones that fill seams with corners on one side where there are none on the other.
 
-    A loose flat triangle would be given a back; it goes instead.
+    A loose flat triangle would be given a back; both go instead.
     """
     edges = open_edges(faces)
     if not len(edges):
@@ -195,7 +177,8 @@ def _sewn(vertices: Floats, faces: Ints, gap_mm: float) -> Ints:
         between = (beside <= gap_mm) & (near != a) & (near != b)
         on = near[between][np.argsort(share[between])]
         added += [(a, p, q) for p, q in pairwise([*on, b])]
-    return _odd(np.vstack([faces, np.array(added, dtype=np.int64).reshape(-1, 3)]))
+    new = np.array(added, dtype=np.int64).reshape(-1, 3)
+    return np.vstack([_without(faces, new), _without(once(new), faces)])
 
 
 def _agreeing(vertices: Floats, faces: Ints) -> Surface:
@@ -207,46 +190,30 @@ def _agreeing(vertices: Floats, faces: Ints) -> Surface:
     Raises:
         OpenSurfaceError: they cannot agree.
     """
-    if _agree(faces):
+    if do_agree(faces):
         return Surface(vertices, faces, 0.0)
-    count = len(faces)
-    first, second, opposed = _neighbours(faces)
+    count, edges = len(faces), edges_of(faces)
+    one, other = edges.twos
+    opposed = edges.ascending[one] != edges.ascending[other]
+    first, second = one % count, other % count
     ends = np.concatenate([np.where(opposed, second, second + count), np.where(opposed, second + count, second)])
-    starts = np.concatenate([first, first + count])
-    graph = coo_array((np.ones(len(starts)), (starts, ends)), shape=(2 * count, 2 * count))
-    label = connected_components(graph, directed=False)[1]
+    label = components(2 * count, np.concatenate([first, first + count]), ends)
     as_is, turned = label[:count], label[count:]
     area = np.bincount(as_is, _areas(vertices, faces), minlength=label.max() + 1)
     minor = (area[as_is] < area[turned]) | ((area[as_is] == area[turned]) & (as_is > turned))
     agreeing = np.where(minor[:, None], faces[:, ::-1], faces)
     one_sided = as_is == turned
-    if one_sided.any() or not _agree(agreeing):
-        wrong = int(np.flatnonzero(one_sided)[0]) if one_sided.any() else 0
+    if one_sided.any() or not do_agree(agreeing):
         got = "triangles that look in opposite directions, and no way to turn them so that all agree"
-        do = "Let its faces be turned in the program that made it (recalculate the normals)."
-        raise OpenSurfaceError(got, do, vertices[faces[wrong]].mean(axis=0))
+        raise OpenSurfaceError(got, TURN, vertices[faces[np.argmax(one_sided)]].mean(axis=0))
     share = np.minimum(area[as_is], area[turned]) / np.maximum(area[as_is] + area[turned], 1e-300)
     return Surface(vertices, agreeing, float(share.max()))
 
 
-def _neighbours(faces: Ints) -> tuple[Ints, Ints, NDArray[np.bool_]]:
-    """The two triangles at each edge that joins two, and whether they pass it in opposite directions."""
-    edges = _edges(faces)
-    order = np.argsort(edges.of_side, kind="stable")
-    one, other = order[edges.counts[edges.of_side[order]] == 2].reshape(-1, 2).T
-    return one % len(faces), other % len(faces), edges.ascending[one] != edges.ascending[other]
-
-
-def _agree(faces: Ints) -> bool:
-    """Whether every edge is passed as often in one direction as in the other."""
-    edges = _edges(faces)
-    return not np.bincount(edges.of_side, np.where(edges.ascending, 1, -1)).any()
-
-
 def _complaint(vertices: Floats, faces: Ints) -> OpenSurfaceError:
     """What is wrong with a surface that is not closed, as near to the remedy as can be told."""
-    single = _once(_spread(faces))
-    single = _once(_spread(_joined(vertices, single, GAP_MM)[single]))
+    single = once(with_three_corners(faces))
+    single = once(with_three_corners(_joined(vertices, single, GAP_MM)[single]))
     edges = open_edges(single)
     at = vertices[edges[0]].mean(axis=0) if len(edges) else vertices.mean(axis=0)
     got = f"{len(edges)} edges that do not join two triangles"
@@ -255,19 +222,9 @@ def _complaint(vertices: Floats, faces: Ints) -> OpenSurfaceError:
         if closed is not None and len(closed) >= len(single):  # else it is a hole that is drawn together
             do = f"Merge the corners along its seams that lie up to {gap:g} mm apart."
             return OpenSurfaceError(f"{got}, along seams wider than {GAP_MM:g} mm", do, at)
-    loose = _loose(single)
+    loose = open_sheets(single)
     if loose.any() and not loose.all() and not len(open_edges(single[~loose])):
         some = "1 triangle that encloses" if loose.sum() == 1 else f"{loose.sum()} triangles that enclose"
         at = vertices[single[loose][0]].mean(axis=0)
         return OpenSurfaceError(f"{some} nothing, beside a closed surface", "Delete what is loose, or close it.", at)
     return OpenSurfaceError(got, "Close its holes and remove inner walls.", at)
-
-
-def _loose(faces: Ints) -> NDArray[np.bool_]:
-    """Which triangles hang together with an edge that belongs to one triangle alone, (M,), by edges that join two."""
-    first, second, _ = _neighbours(faces)
-    graph = coo_array((np.ones(len(first)), (first, second)), shape=(len(faces), len(faces)))
-    sheet = connected_components(graph, directed=False)[1]
-    edges = _edges(faces)
-    alone = (edges.counts[edges.of_side] == 1).reshape(3, -1).any(axis=0)
-    return np.isin(sheet, sheet[alone])
