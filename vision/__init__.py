@@ -27,15 +27,9 @@ if TYPE_CHECKING:
     from vision.grouping.kalman_filter import FilterParameters
     from vision.localizer import EllipseLocalizer, Localization, Localizer, extract_features
     from vision.matching.parameters import MatchingParameters
+    from vision.model.grasp import BoreCoordinates, GraspCoordinates
     from vision.model.model_file import load_model, save_model
-    from vision.model.vision_model import (
-        AttributeRange,
-        BoreCoordinates,
-        CircleFeature,
-        GraspCoordinates,
-        Pattern,
-        VisionModel,
-    )
+    from vision.model.vision_model import AttributeRange, CircleFeature, Pattern, VisionModel
     from vision.pose.calibration import CalibrationError
     from vision.pose.estimate import FeatureSupport, PoseEstimate
     from vision.regions.attributes import AttributeConstraints
@@ -152,15 +146,17 @@ _NAMES = {
         "extract_features",
     ),
     "matching.parameters": ("MatchingParameters",),
+    "model.grasp": (
+        "BoreCoordinates",
+        "GraspCoordinates",
+    ),
     "model.model_file": (
         "load_model",
         "save_model",
     ),
     "model.vision_model": (
         "AttributeRange",
-        "BoreCoordinates",
         "CircleFeature",
-        "GraspCoordinates",
         "Pattern",
         "VisionModel",
     ),

@@ -24,7 +24,7 @@ from benchmark.world.scene import CellConfig
 from robot.errors import UnreachableError
 from robot.grasp_opening import opened_grasps
 from robot.grasping import plan_grasp
-from robot.grasps import GraspChoice, GraspPlan, GraspSettings, OpenedGrasp, Piece, TaughtGrasp
+from robot.grasps import GraspChoice, GraspPlan, GraspSettings, OpenedGrasp, Piece
 from robot.gripper import Gripper
 from robot.gripper_geometry import Boxes, GripperGeometry
 from robot.trajectory import Trajectory, cartesian_line, joint_trajectory
@@ -232,8 +232,7 @@ def opened_grasps_of(
     part: str, gripper_xml: Path, approach_m: float, models: str | None = None
 ) -> tuple[OpenedGrasp, ...]:
     """The taught grasps of a part that the gripper can reach past the part itself; see `opened_grasps`."""
-    grasps = load_model(part, models).grasps
-    taught = [TaughtGrasp(g.name, g.T_part_tcp, g.width_m, g.kind, g.copies) for g in grasps]
+    taught = load_model(part, models).grasps
     return opened_grasps(GripperGeometry.from_mjcf(gripper_xml), taught, surface_points(part), approach_m)
 
 

@@ -15,7 +15,8 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from vision.errors import InputError
-from vision.model.vision_model import CircleFeature, GraspCoordinates, Pattern, VisionModel
+from vision.model.grasp import GraspCoordinates
+from vision.model.vision_model import CircleFeature, Pattern, VisionModel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

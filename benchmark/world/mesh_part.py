@@ -23,9 +23,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmark.world import assets, convex_pieces, mesh_file, mesh_symmetry
 from benchmark.world.mesh_file import MeshReference
-from benchmark.world.part import Bore, Part, Symmetry
+from benchmark.world.part import Part, Symmetry
 from vision.errors import ResourceError
 from vision.kernel_cache import can_be_written, user_folders
+from vision.model.grasp import BoreCoordinates
 
 Floats = NDArray[np.float64]
 
@@ -204,12 +205,12 @@ def _is_closed_at_axis(solid: Manifold) -> bool:
     return len(solid.ray_cast((x, y, bottom - 1.0), (x, y, top + 1.0))) > 0
 
 
-def _bore(measured: list[float] | None) -> Bore | None:
+def _bore(measured: list[float] | None) -> BoreCoordinates | None:
     if measured is None:
         return None
     diameter, front, back = measured
     pose = RigidTransform.from_components([0.0, 0.0, front], Rotation.from_euler("x", np.pi))
-    return Bore(pose, diameter, front - back)
+    return BoreCoordinates(pose, diameter, front - back)
 
 
 def _piece(directory: Path, k: int) -> Path:

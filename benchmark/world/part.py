@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
-from benchmark.world.grasps import Grasp, turns_about_z
 from vision.errors import InputError
 from vision.frozen import frozen_arrays
+from vision.model.grasp import BoreCoordinates, GraspCoordinates, turns_about_z
 
 Floats = NDArray[np.float64]
 
@@ -42,21 +42,6 @@ class Symmetry:
         """
         count = n if self.fold is None else self.fold
         return RigidTransform.from_rotation(turns_about_z(count))
-
-
-@dataclass(frozen=True, eq=False)
-class Bore:
-    """A through bore for peg-in-hole.
-
-    Attributes:
-        T_part_bore: frame at the centre of the entry rim on the front, z along the insertion.
-        diameter_m: of the cylinder.
-        depth_m: from the entry rim to the exit rim, chamfers included.
-    """
-
-    T_part_bore: RigidTransform
-    diameter_m: float
-    depth_m: float
 
 
 @dataclass(frozen=True)
@@ -113,8 +98,8 @@ class Part:
     centre_of_mass_m: Floats
     inertia: Floats
     symmetry: Symmetry
-    grasps: tuple[Grasp, ...]
-    bore: Bore | None
+    grasps: tuple[GraspCoordinates, ...]
+    bore: BoreCoordinates | None
     rims: tuple[Rim, ...]
 
     def __post_init__(self) -> None:

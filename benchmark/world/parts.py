@@ -14,9 +14,10 @@ from benchmark.world.designs import DESIGNS, Design
 from benchmark.world.grasps import grasps_of
 from benchmark.world.mesh_file import MeshReference
 from benchmark.world.mesh_part import part_from_mesh
-from benchmark.world.part import Bore, Part, Rim, Symmetry
+from benchmark.world.part import Part, Rim, Symmetry
 from vision.errors import FileFormatError, InputError
 from vision.frozen import read_only
+from vision.model.grasp import BoreCoordinates
 
 Floats = NDArray[np.float64]
 
@@ -85,8 +86,8 @@ def vertices(part: Part) -> Floats:
     return read_only(assets.read_vertices(part.visual_mesh))
 
 
-def _bore(design: Design) -> Bore:
+def _bore(design: Design) -> BoreCoordinates:
     diameter, front, back = design.bore
     down = Rotation.from_euler("x", np.pi)
     pose = RigidTransform.from_components([0.0, 0.0, front * 1e-3], down)
-    return Bore(pose, diameter * 1e-3, (front - back) * 1e-3)
+    return BoreCoordinates(pose, diameter * 1e-3, (front - back) * 1e-3)

@@ -1,4 +1,4 @@
-"""Mesh files as programs write them: what is beyond doubt becomes the right solid, and what is doubtful is refused."""
+"""Mesh files as programs write them: what is beyond doubt is repaired, and what is doubtful is refused."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ SAME_SOLID = {
     "all twice, back to back": np.concatenate([WHOLE, turned(WHOLE)]),
     "a sheet with a back": np.concatenate([WHOLE, SHEET, turned(SHEET)]),
     "a crumb": np.concatenate([WHOLE, CRUMB]),
-    "in single precision, far away": (WHOLE + [900, 500, 200]).astype(np.float32),
+    "in single precision, far away": (WHOLE + np.array([900, 500, 200])).astype(np.float32),
     "corners of one side of a seam on edges of the other": np.concatenate(
         [revolved(with_points(PROFILE, 1 + k % 3), 4, k * np.pi / 6, (k + 1) * np.pi / 6) for k in range(12)]
     ),
@@ -152,7 +152,7 @@ def test_a_hole_is_refused_and_found(missing, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "corners", [SHEET, [[FIRST, SECOND, FIRST + (3, 3, 9)]]], ids=["loose", "hanging on an edge"]
+    "corners", [SHEET, [[FIRST, SECOND, FIRST + np.array([3, 3, 9])]]], ids=["loose", "hanging on an edge"]
 )
 def test_a_stray_triangle_is_refused_until_it_is_deleted(corners, tmp_path):
     told = refused(tmp_path, np.concatenate([WHOLE, corners]))

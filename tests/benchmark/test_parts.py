@@ -11,11 +11,11 @@ from scipy.spatial.transform import RigidTransform
 
 from benchmark.world import assets
 from benchmark.world.designs import DESIGNS
-from benchmark.world.grasps import turns_about_z
 from benchmark.world.part import Symmetry
 from benchmark.world.parts import PART_NAMES, get_part, vertices
 from robot.gripper_geometry import GripperGeometry
 from vision.errors import InputError, ResourceError
+from vision.model.grasp import turns_about_z
 
 STROKE_M = 0.11
 GRIPPER = GripperGeometry.from_mjcf()

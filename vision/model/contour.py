@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from vision.frozen import frozen_arrays, read_only
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, plane_axes
+from vision.model.grasp import turns_about_z
 from vision.model.projection import ContourSamples, project_samples
-from vision.model.vision_model import CircleFeature, Pattern, VisionModel, turns_about_axis
+from vision.model.vision_model import CircleFeature, Pattern, VisionModel
 
 Array = NDArray[np.float64]
 
@@ -184,7 +185,7 @@ class ModelContour:
         """Sample the features of a model at an image scale (focal length over distance)."""
         curves = [along_circle(feature, model, scale_px_per_m) for feature in model.features]
         curves += [along_pattern(pattern, model) for pattern in model.patterns]
-        turns = [(curve, turn) for curve in curves for turn in turns_about_axis(curve.copies)]
+        turns = [(curve, turn) for curve in curves for turn in turns_about_z(curve.copies).as_matrix()]
         points, tangents, normals = (
             np.vstack([getattr(curve, name) @ turn.T for curve, turn in turns])
             for name in ("points", "tangents", "normals")

@@ -17,16 +17,8 @@ from vision.extraction import ExtractionThresholds
 from vision.features import Process, RegionAttributes
 from vision.files.json_reader import JsonValue, parse, read_text
 from vision.geometry.circle import Circle
-from vision.model.vision_model import (
-    AttributeRange,
-    BoreCoordinates,
-    CircleFeature,
-    GraspCoordinates,
-    GraspKind,
-    Pattern,
-    Role,
-    VisionModel,
-)
+from vision.model.grasp import BoreCoordinates, GraspCoordinates, GraspKind
+from vision.model.vision_model import AttributeRange, CircleFeature, Pattern, Role, VisionModel
 
 Array = NDArray[np.float64]
 

@@ -16,14 +16,8 @@ from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse, overlap
-from vision.model.vision_model import (
-    AttributeRange,
-    BoreCoordinates,
-    CircleFeature,
-    GraspCoordinates,
-    Role,
-    VisionModel,
-)
+from vision.model.grasp import BoreCoordinates, GraspCoordinates
+from vision.model.vision_model import AttributeRange, CircleFeature, Role, VisionModel
 from vision.teaching.pattern import learn_patterns
 from vision.teaching.settling import settle
 from vision.teaching.snapping import snap_to_edge
