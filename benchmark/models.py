@@ -25,8 +25,13 @@ def load_model(part: str, models: str | None = None) -> VisionModel:
         InputError: the part was never taught.
         FileFormatError: the model file is corrupt.
     """
+    model = model_file.load_model(model_path(part, models))
+    return model if MeshReference.parse(part) is None else replace(model, part=part)
+
+
+def model_path(part: str, models: str | None = None) -> Path:
+    """The file of a part's vision model; where the part was never taught, the first one that was looked for."""
     mesh = MeshReference.parse(part)
     file = f"{part if mesh is None else mesh.path.stem}.json"
     places = [MODELS / file] if models is None else [Path(models) / file, MODELS / file]
-    model = model_file.load_model(next((path for path in places if path.is_file()), places[0]))
-    return model if mesh is None else replace(model, part=part)
+    return next((path for path in places if path.is_file()), places[0])

@@ -44,7 +44,8 @@ def sweep(
 
     An episode drops a few equal parts into a bin, photographs them with the camera on the robot's wrist from two or
     three viewpoints, finds their poses in the images, and lets the robot pick one. A sweep that was stopped or killed
-    goes on where it stopped when the same command is given again. The results do not depend on the number of workers.
+    goes on where it stopped when the same command is given again, as long as the mesh, model and localizer files are
+    the same. The results do not depend on the number of workers.
     The exit code is 1 when an episode did not finish.
 
     Example: focalpick sweep --parts hub,cover2 --scenes 5 --out results/mine

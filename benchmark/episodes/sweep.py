@@ -67,7 +67,7 @@ def run_sweep(
         All records of the sweep, old and new, sorted by key.
 
     Raises:
-        InputError: ``out`` cannot be written or holds another sweep.
+        InputError: ``out`` cannot be written or holds another sweep, or one that began with other files.
         ResourceError: the disk is full, or an episode missed something that the machine lacks.
         FileFormatError: a file is corrupt.
         SweepInterruptedError: Ctrl-C.
@@ -78,6 +78,7 @@ def run_sweep(
     with RecordWriter(out, config) as writer:
         recorded = read_records(out)
         remaining = _remaining(plan, recorded, out)
+        _keep_inputs(writer, config, out, recorded)
         done = len(plan) - len(remaining)
         notify = on_progress or (lambda *_: None)
         if prepare is not None:
@@ -135,6 +136,18 @@ def _remaining(plan: list[EpisodeConfig], recorded: list[EpisodeRecord], out: Pa
             )
     done = {record.key for record in recorded if record.error is None}
     return [config for config in plan if config.key not in done]
+
+
+def _keep_inputs(writer: RecordWriter, config: SweepConfig, out: Path, recorded: list[EpisodeRecord]) -> None:
+    """Refuse to go on with a mesh, model or localizer that has changed: a table is of one part and one system.
+
+    As long as nothing was finished or taught, nothing can be mixed: whoever mends a file may run the sweep again.
+    """
+    from benchmark.episodes.inputs import input_digests
+    from benchmark.study.taught_models import MODELS
+
+    begun = any(record.error is None for record in recorded) or (out / MODELS).exists()
+    writer.keep_inputs(input_digests(config), begun)
 
 
 def _attempt(config: EpisodeConfig, run_episode: RunEpisode) -> EpisodeRecord:
