@@ -27,21 +27,26 @@ def load_model(part: str, models: str | None = None) -> VisionModel:
         InputError: the part was never taught.
         FileFormatError: the model file is corrupt.
     """
+    mesh, path = MeshReference.parse(part), model_path(part, models)
+    if mesh is None:
+        return model_file.load_model(path)
+    if models is None or not path.is_file():
+        raise _untaught(mesh, path, models)
+    return replace(model_file.load_model(path), part=part)
+
+
+def model_path(part: str, models: str | None = None) -> Path:
+    """The file of a part's vision model; where the part was never taught, the first one that was looked for."""
     mesh = MeshReference.parse(part)
     if mesh is not None:
-        return replace(_load_own(mesh, models), part=part)
-    file = f"{part}.json"
-    places = [MODELS / file] if models is None else [Path(models) / file, MODELS / file]
-    return model_file.load_model(next((path for path in places if path.is_file()), places[0]))
+        return Path("models" if models is None else models) / f"{mesh.path.stem}.json"
+    places = [MODELS / f"{part}.json"] if models is None else [Path(models) / f"{part}.json", MODELS / f"{part}.json"]
+    return next((path for path in places if path.is_file()), places[0])
 
 
-def _load_own(mesh: MeshReference, models: str | None) -> VisionModel:
-    """The model of a part that the user brings, under the name that it was taught by."""
-    file = Path("models" if models is None else models) / f"{mesh.path.stem}.json"
-    if models is not None and file.is_file():
-        return model_file.load_model(file)
+def _untaught(mesh: MeshReference, file: Path, models: str | None) -> InputError:
     command = ["focalpick", "teach", "--mesh", str(mesh.path), "--unit", mesh.unit, "--out", str(file)]
-    raise InputError(
+    return InputError(
         f"vision model of {mesh}",
         got="no --models" if models is None else f"no file {file}",
         expected=f"a directory with {file.name}" if models is None else "a taught model",

@@ -31,6 +31,7 @@ PartNames = Annotated[
 OptionalPath = Annotated[Path | None, tyro.conf.arg(metavar="PATH", help_behavior_hint=_LEFT_OUT)]
 Name = Annotated[str, tyro.conf.arg(metavar="NAME")]
 Number = Annotated[int, tyro.conf.arg(metavar="N")]
+Seconds = Annotated[float, tyro.conf.arg(metavar="SECONDS")]
 SweepDirectory = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
 
 
@@ -93,7 +94,7 @@ def prepare_process() -> None:
     Raises:
         ResourceError: nothing can draw.
     """
-    from benchmark.episodes.sweep import SINGLE_THREADED
+    from benchmark.child_process import SINGLE_THREADED
     from benchmark.world.gl import APT_PACKAGES, choose_backend, works
 
     for name, value in SINGLE_THREADED.items():

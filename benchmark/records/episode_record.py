@@ -1,7 +1,8 @@
 """What happened in an episode, and the file that keeps it.
 
-A sweep is a directory with ``sweep.json`` (its configuration) and ``episodes.jsonl`` (one line per finished episode,
-appended and synced, so that a killed sweep loses nothing but the episodes that were running).
+A sweep is a directory with ``sweep.json`` (its configuration), ``inputs.json`` (digests of the files that it began
+with) and ``episodes.jsonl`` (one line per finished episode, appended and synced, so that a killed sweep loses nothing
+but the episodes that were running).
 """
 
 from __future__ import annotations
