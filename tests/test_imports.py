@@ -33,11 +33,12 @@ ROOMS: dict[str, set[str]] = {
     "localizer": {"geometry", "edges", "regions", "extraction", "model", "pose", "matching"},
 }
 """What each room of `vision` may import besides itself and what anyone may: lower rooms come first."""
-BENCHMARK_ANYONE = {"config", "strict_json", "child_process"}
+BENCHMARK_ANYONE = {"config", "strict_json", "child_process", "seeds"}
 BENCHMARK_ROOMS: dict[str, set[str]] = {
     "config": set(),
     "strict_json": set(),
     "child_process": set(),
+    "seeds": set(),
     "world": set(),
     "models": {"world"},
     "localizers": {"world", "models"},
