@@ -33,11 +33,12 @@ ROOMS: dict[str, set[str]] = {
     "localizer": {"geometry", "edges", "regions", "extraction", "model", "pose", "matching"},
 }
 """What each room of `vision` may import besides itself and what anyone may: lower rooms come first."""
-BENCHMARK_ANYONE = {"config", "strict_json", "child_process"}
+BENCHMARK_ANYONE = {"config", "strict_json", "child_process", "seeds"}
 BENCHMARK_ROOMS: dict[str, set[str]] = {
     "config": set(),
     "strict_json": set(),
     "child_process": set(),
+    "seeds": set(),
     "world": set(),
     "models": {"world"},
     "localizers": {"world", "models"},
@@ -48,7 +49,7 @@ BENCHMARK_ROOMS: dict[str, set[str]] = {
     "lessons": {"world", "localizers", "records", "episodes"},
     "detector": {"world", "report"},
 }
-"""The same for `benchmark`; its commands and timing may import any room."""
+"""The same for `benchmark`; its commands, timing and tuning may import any room."""
 SCENE = "benchmark/world/scene.py"
 
 
@@ -143,7 +144,7 @@ def test_file_respects_the_walls(path):
 
 @pytest.mark.parametrize(
     ("package", "rules", "top"),
-    [("vision", ROOMS, {"teaching"}), ("benchmark", BENCHMARK_ROOMS, {"commands", "timing"})],
+    [("vision", ROOMS, {"teaching"}), ("benchmark", BENCHMARK_ROOMS, {"commands", "timing", "tuning"})],
 )
 def test_every_room_has_its_rule_and_says_its_purpose(package, rules, top):
     rooms = {path.parent.name for path in (ROOT / package).glob("*/__init__.py")}

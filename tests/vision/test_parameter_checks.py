@@ -14,6 +14,7 @@ from vision.extraction import ExtractionThresholds
 from vision.grouping.edge_grouping import GroupingParameters
 from vision.grouping.fragments import FragmentParameters
 from vision.grouping.kalman_filter import FilterParameters
+from vision.grouping.score import DEFAULT_WEIGHTS, ScoreWeights
 from vision.matching.parameters import MatchingParameters
 from vision.regions.quadtree import SplitAndMerge
 from vision.regions.region_ellipses import BoundaryFit
@@ -32,7 +33,7 @@ def numbers():
     for settings in SETTINGS:
         for field in fields(settings):
             value = getattr(settings(), field.name)
-            if not is_dataclass(value) and value is not None and not isinstance(value, bool):
+            if not is_dataclass(value) and value is not None and not isinstance(value, bool | ScoreWeights):
                 found.append(pytest.param(settings, field.name, value, id=f"{settings.__name__}.{field.name}"))
     return found
 
@@ -71,6 +72,9 @@ def test_a_setting_may_be_a_number_of_numpy(settings, name, default):
         (GroupingParameters, {"size_px": (5.0,)}),
         (GroupingParameters, {"size_px": (5.0, math.nan)}),
         (GroupingParameters, {"max_attempts": 10.5}),
+        (GroupingParameters, {"weights": DEFAULT_WEIGHTS._replace(error=math.nan)}),
+        (GroupingParameters, {"weights": DEFAULT_WEIGHTS._replace(chain=-1.0)}),
+        (GroupingParameters, {"weights": tuple(DEFAULT_WEIGHTS)}),
         (FilterParameters, {"iterations": 0}),
         (MatchingParameters, {"candidates": 0}),
         (MatchingParameters, {"minimum_scores": ()}),

@@ -20,9 +20,9 @@ from vision.grouping.hypotheses import (
     representatives,
 )
 from vision.grouping.kalman_filter import FilterParameters, FilterResult, distances, fit_ellipse, unshrink
-from vision.grouping.score import COVERAGE, SCORE
+from vision.grouping.score import COVERAGE, DEFAULT_WEIGHTS, SCORE, ScoreWeights
 from vision.grouping.support import EdgeArrays
-from vision.grouping.verification import select_survivors, verify_hypotheses
+from vision.grouping.verification import Limits, select_survivors, verify_hypotheses
 from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, Allowed, check, count
 
 Array = NDArray[np.float64]
@@ -46,6 +46,7 @@ class GroupingParameters:
         max_error_px: the same of the supporting points; also the limit of the paper's fitting error.
         min_coverage: least share of the circumference that edges support.
         min_score: least score of a detection, see :func:`vision.grouping.detector.detect_ellipses`.
+        weights: of the score.
         min_overlap: ellipses that overlap by more than this are one,
         max_apart_px: unless their outlines are further apart than this somewhere.
         max_hypotheses: bound on the number of pairs; the longest are kept.
@@ -66,6 +67,7 @@ class GroupingParameters:
     max_error_px: float = 0.9
     min_coverage: float = 0.3
     min_score: float = 0.33
+    weights: ScoreWeights = DEFAULT_WEIGHTS
     min_overlap: float = 0.85
     max_apart_px: float = np.inf
     max_hypotheses: int = 600
@@ -74,6 +76,8 @@ class GroupingParameters:
     def __post_init__(self) -> None:
         if self.size_px is not None and (len(self.size_px) != 2 or not 0 < self.size_px[0] <= self.size_px[1]):
             raise InputError("size_px", got=self.size_px, expected="0 < smallest <= largest semi-major axis")
+        if not isinstance(self.weights, ScoreWeights) or not self.weights.are_valid:
+            raise InputError("weights", got=self.weights, expected="ScoreWeights, each a finite float >= 0")
         check(self, convexity_slack_px=NOT_NEGATIVE, grey_tolerance=NOT_NEGATIVE, tolerance_px=POSITIVE)
         check(self, max_direction_error_rad=POSITIVE, max_pair_error_px=POSITIVE, max_error_px=POSITIVE)
         check(self, min_share=SHARE, min_coverage=SHARE, min_score=SHARE, min_overlap=SHARE)
@@ -140,22 +144,44 @@ def group_edges(
     table = extract_fragments(edges, image, parameters.fragments)
     if len(table) == 0:
         return Grouping(edges, table, (), parameters.tolerance_px)
-    points = representatives(table, edges)
-    size = parameters.size_px or (4.0, float(max(image.shape)))
-    ps, groups = _hypotheses(table, points, size, parameters)
-    limits = (
+    arrays = EdgeArrays.of(edges)
+    ps, quality = walked_ellipses(table, edges, arrays, parameters)
+    limits = _limits(edges, parameters)
+    chosen, numbers, quality = select_survivors(ps, quality[:, SCORE], arrays, limits, parameters.weights)
+    features = _filter_survivors(ps[chosen], numbers, quality, edges, parameters)
+    return Grouping(edges, table, tuple(features), parameters.tolerance_px)
+
+
+def walked_ellipses(
+    table: FragmentTable, edges: EdgeMap, arrays: EdgeArrays, parameters: GroupingParameters
+) -> tuple[Array, Array]:
+    """All candidates that the score is asked about, before they compete for edge points.
+
+    Args:
+        table: the fragments of the edges, at least one.
+        edges: of the image.
+        arrays: the same edges.
+        parameters: thresholds.
+
+    Returns:
+        (S, 5) refined focal parameters and (S, 11) quality, see ``score.py``.
+    """
+    points, limits = representatives(table, edges), _limits(edges, parameters)
+    ps, groups = _hypotheses(table, points, limits[-2:], parameters)
+    return verify_hypotheses(ps, groups, arrays, points, limits, parameters.weights, parameters.max_attempts)
+
+
+def _limits(edges: EdgeMap, parameters: GroupingParameters) -> Limits:
+    smallest, largest = parameters.size_px or (4.0, float(max(edges.index.shape)))
+    return (
         parameters.tolerance_px,
         float(np.cos(parameters.max_direction_error_rad)),
         parameters.min_score,
         parameters.min_coverage,
         parameters.max_error_px,
-        *size,
+        smallest,
+        largest,
     )
-    arrays = EdgeArrays.of(edges)
-    ps, quality = verify_hypotheses(ps, groups, arrays, points, limits, parameters.max_attempts)
-    chosen, numbers, quality = select_survivors(ps, quality[:, SCORE], arrays, limits)
-    features = _filter_survivors(ps[chosen], numbers, quality, edges, parameters)
-    return Grouping(edges, table, tuple(features), parameters.tolerance_px)
 
 
 def _hypotheses(

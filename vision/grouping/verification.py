@@ -12,7 +12,17 @@ from numpy.typing import NDArray
 
 from vision.geometry.focal_form import signed_distance
 from vision.grouping.hypotheses import MIN_SEMI_MINOR_PX, Representatives
-from vision.grouping.score import COVERAGE, ERROR, QUALITIES, SCORE, VISIBLE, assess, concentric_support, in_context
+from vision.grouping.score import (
+    COVERAGE,
+    ERROR,
+    QUALITIES,
+    SCORE,
+    VISIBLE,
+    ScoreWeights,
+    assess,
+    concentric_support,
+    in_context,
+)
 from vision.grouping.support import (
     MAX_STEPS,
     NOTHING,
@@ -77,7 +87,7 @@ def _settle(p, edges, used, tolerance, agreement, min_share, hits):  # type: ign
 
 @njit(cache=True)
 def search(  # type: ignore[no-untyped-def]
-    ps, groups, edges, rep_points, limits, max_attempts, out_ps, out_quality
+    ps, groups, edges, rep_points, limits, weights, max_attempts, out_ps, out_quality
 ):
     """Refine and verify hypotheses, best first; write the survivors and return their number.
 
@@ -108,7 +118,7 @@ def search(  # type: ignore[no-untyped-def]
             continue
         steps = gather(p, edges, used, tolerance, agreement, MAX_STEPS, hits)
         drop_short_runs(hits, steps, max(4, steps // 40))
-        assess(p, edges, hits, steps, counts, quality)
+        assess(p, edges, hits, steps, weights, counts, quality)
         if quality[COVERAGE] < min_coverage or quality[ERROR] > max_error or quality[VISIBLE] < MIN_VISIBLE:
             continue
         if quality[SCORE] < PROSPECT * min_score:
@@ -120,7 +130,9 @@ def search(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def select(ps, order, concentric, edges, limits, out_hits, out_steps, out_quality):  # type: ignore[no-untyped-def]
+def select(  # type: ignore[no-untyped-def]
+    ps, order, concentric, edges, limits, weights, out_hits, out_steps, out_quality
+):
     """Give every edge point to the best ellipse that wants it; return the numbers of those that keep enough."""
     tolerance, agreement, min_score, min_coverage, max_error, _, _ = limits
     used, counts = np.zeros(len(edges.points), np.bool_), np.zeros(len(edges.chain_points), np.int64)
@@ -130,8 +142,8 @@ def select(ps, order, concentric, edges, limits, out_hits, out_steps, out_qualit
         hits, quality = out_hits[row], out_quality[row]
         steps = gather(ps[h], edges, used, tolerance, agreement, MAX_STEPS, hits)
         drop_short_runs(hits, steps, max(4, steps // 40))
-        assess(ps[h], edges, hits, steps, counts, quality)
-        quality[SCORE] = in_context(quality[SCORE], concentric[h])
+        assess(ps[h], edges, hits, steps, weights, counts, quality)
+        quality[SCORE] = in_context(quality[SCORE], concentric[h], weights)
         if quality[COVERAGE] < min_coverage or quality[ERROR] > max_error or quality[SCORE] < min_score:
             continue
         out_steps[row] = steps
@@ -148,6 +160,7 @@ def verify_hypotheses(
     edges: EdgeArrays,
     points: Representatives,
     limits: Limits,
+    weights: ScoreWeights,
     max_attempts: int,
 ) -> tuple[Array, Array]:
     """Refine and verify hypotheses.
@@ -159,19 +172,20 @@ def verify_hypotheses(
         points: representatives of all fragments.
         limits: tolerance in pixels, least cosine between gradient and normal, least score, least coverage,
             largest error in pixels, smallest and largest semi-major axis in pixels.
+        weights: of the score.
         max_attempts: only so many of the most promising hypotheses are refined in vain, which bounds the time in
             clutter.
 
     Returns:
-        (S, 5) refined focal parameters and (S, 11) quality (columns: see ``ellipse_score.py``).
+        (S, 5) refined focal parameters and (S, 11) quality (columns: see ``score.py``).
     """
     out_ps, out_quality = np.zeros((len(ps) + 1, 5)), np.zeros((len(ps) + 1, QUALITIES))
-    found = search(ps, groups, edges, points.points, limits, max_attempts, out_ps, out_quality)
+    found = search(ps, groups, edges, points.points, limits, weights, max_attempts, out_ps, out_quality)
     return out_ps[:found], out_quality[:found]
 
 
 def select_survivors(
-    ps: Array, scores: Array, edges: EdgeArrays, limits: Limits
+    ps: Array, scores: Array, edges: EdgeArrays, limits: Limits, weights: ScoreWeights
 ) -> tuple[NDArray[np.int64], list[NDArray[np.int64]], Array]:
     """Let survivors compete for edge points, so that duplicates and parasites of better ellipses go.
 
@@ -180,16 +194,17 @@ def select_survivors(
         scores: (S,) what each of them scores by itself.
         edges: of the image.
         limits: as in :func:`verify_hypotheses`.
+        weights: of the score.
 
     Returns:
         Numbers of the K ellipses that are left, for each the numbers of its edge points along the outline, and
         their (K, 11) quality.
     """
     concentric = concentric_support(ps, scores)
-    order = np.argsort(-in_context(scores, concentric), kind="stable")
+    order = np.argsort(-in_context(scores, concentric, weights), kind="stable")
     hits = np.full((len(order) + 1, MAX_STEPS), NOTHING, np.int64)
     steps, quality = np.zeros(len(order) + 1, np.int64), np.zeros((len(order) + 1, QUALITIES))
-    chosen = select(ps, order, concentric, edges, limits, hits, steps, quality)
+    chosen = select(ps, order, concentric, edges, limits, weights, hits, steps, quality)
     numbers = [_ordered_unique(hits[k, : steps[k]]) for k in range(len(chosen))]
     return chosen, numbers, quality[: len(chosen)]
 
