@@ -213,4 +213,4 @@ def _pick(
     outcome = Picker(cell, on_step, models).pick(localization.estimates)
     observer.picked(outcome)
     owner = None if outcome.estimate is None else verdict.owner[outcome.estimate]
-    return PickRecord(True, owner, outcome.succeeded, outcome.failed_stage, outcome.grasp)
+    return PickRecord(True, owner, outcome.succeeded, outcome.failed_stage, outcome.grasp, dict(outcome.rejected))

@@ -145,6 +145,8 @@ class PickRecord:
         succeeded: the piece ended up where it should.
         failed_stage: such as ``plan``, ``grip``, ``lift``, ``place``; None on success.
         grasp: name of the grasp.
+        rejected: where no grasp was found, how many fell for which reason; empty too in a record that is older than
+            this field.
     """
 
     attempted: bool
@@ -152,6 +154,7 @@ class PickRecord:
     succeeded: bool
     failed_stage: str | None = None
     grasp: str | None = None
+    rejected: dict[str, int] = field(default_factory=dict, metadata=MAY_BE_MISSING)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
 
 from vision.errors import InputError
 from vision.model.grasp import GraspCoordinates
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 ROLE_COLOURS = {"salient": "#1f6f8b", "supporting": "#c98f3c"}
 ORDER = {"supporting": 2.0, "salient": 2.1}

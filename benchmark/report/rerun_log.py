@@ -8,7 +8,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from benchmark.config import EpisodeConfig
@@ -49,8 +48,6 @@ from vision.localizer import EllipseLocalizer, Localization
 from vision.model.contour import ModelContour
 from vision.model.vision_model import VisionModel
 from vision.pose.estimate import PoseEstimate
-
-Array = NDArray[np.float64]
 
 APPLICATION = "focalpick"
 TRUTH_COLOUR: Colour = (255, 255, 255)

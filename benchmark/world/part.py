@@ -11,11 +11,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import RigidTransform
 
 from vision.errors import InputError
 from vision.frozen import frozen_arrays
-from vision.model.grasp import BoreCoordinates, GraspCoordinates, turns_about_z
+from vision.model.grasp import BoreCoordinates, GraspCoordinates
 
 Floats = NDArray[np.float64]
 
@@ -33,15 +32,6 @@ class Symmetry:
     def __post_init__(self) -> None:
         if self.fold is not None and self.fold < 1:
             raise InputError("fold of a symmetry", got=self.fold, expected="at least 1, or None for continuous")
-
-    def transforms(self, n: int = 72) -> RigidTransform:
-        """Stack of the symmetry rotations, the identity first.
-
-        Args:
-            n: number of samples where the symmetry is continuous; has no effect otherwise.
-        """
-        count = n if self.fold is None else self.fold
-        return RigidTransform.from_rotation(turns_about_z(count))
 
 
 @dataclass(frozen=True)
