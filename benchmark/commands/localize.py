@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from benchmark.commands.common import Name, print_line, results_console
+from vision import kernel_cache
 from vision.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ def localize(
         out: directory in which to draw the poses over the pictures; made where it is missing.
         format: table for the terminal, json for programs, in metres and radians and with the whole covariance.
     """
+    kernel_cache.require()
     from benchmark.localizers.registry import make_localizer
     from vision.files.views import load_views
 
