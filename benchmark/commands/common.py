@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from vision import kernel_cache
 from vision.errors import InputError, ResourceError
 
 if TYPE_CHECKING:
@@ -92,8 +93,9 @@ def prepare_process() -> None:
     """Settle the OpenGL backend and keep numerical libraries to one thread, before any of them is imported.
 
     Raises:
-        ResourceError: nothing can draw.
+        ResourceError: nothing can draw, or the vision kernels cannot be compiled.
     """
+    kernel_cache.require()
     from benchmark.child_process import SINGLE_THREADED
     from benchmark.world.gl import APT_PACKAGES, choose_backend, works
 

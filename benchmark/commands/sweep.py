@@ -114,7 +114,7 @@ def _run(config: SweepConfig, out: Path, progress: SweepProgress, limit_s: float
     from benchmark.episodes.sweep import run_sweep
 
     if not any(variant.is_taught for variant in config.variants):
-        return run_sweep(config, out, on_progress=progress, episode_limit_s=limit_s)
+        return run_sweep(config, out, on_progress=progress, episode_limit_s=limit_s, tell=progress.tell)
     from benchmark.episodes.episode import run_episode
     from benchmark.study.taught_models import refusals, teach_variants
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Generator
+import time
+from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
 from pathlib import Path
 
 from benchmark.child_process import ended_by_signals
 from benchmark.config import EpisodeConfig, SweepConfig, episodes
+from benchmark.episodes import compiling
 from benchmark.episodes.failures import RunEpisode, attempt, unfinished
 from benchmark.episodes.pool import Lost, Pool
 from benchmark.records.episode_record import EpisodeRecord
 from benchmark.records.store import RecordWriter, read_records
+from vision import kernel_cache
 from vision.errors import InputError
 
 OnProgress = Callable[[int, int, EpisodeRecord | None], None]
@@ -30,6 +33,7 @@ def run_sweep(
     on_progress: OnProgress | None = None,
     prepare: Callable[[], None] | None = None,
     episode_limit_s: float | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> list[EpisodeRecord]:
     """Run the episodes of a sweep that are not yet recorded.
 
@@ -45,6 +49,8 @@ def run_sweep(
         on_progress: called with (done, total, record) at the start, with None, and after each episode.
         prepare: called once before any episode, when the directory has been found to be this sweep's own.
         episode_limit_s: how long an episode may run, in seconds; None: for ever.
+        tell: is told in words when kernels are compiled before several processes start; without it each compiles
+            what it needs.
 
     Returns:
         All records of the sweep, old and new, sorted by key.
@@ -68,7 +74,7 @@ def run_sweep(
             prepare()
         notify(done, len(plan), None)
         try:
-            with closing(_run(remaining, run_episode, workers, episode_limit_s)) as records:
+            with closing(_run(remaining, run_episode, workers, episode_limit_s, tell)) as records:
                 for record in records:
                     writer.append(record)
                     done += 1
@@ -117,13 +123,42 @@ def _keep_inputs(writer: RecordWriter, config: SweepConfig, out: Path, recorded:
 
 
 def _run(
-    configs: list[EpisodeConfig], run_episode: RunEpisode, workers: int, limit_s: float | None
+    configs: list[EpisodeConfig],
+    run_episode: RunEpisode,
+    workers: int,
+    limit_s: float | None,
+    tell: Callable[[str], None] | None,
 ) -> Generator[EpisodeRecord]:
     """Records in the order in which they are finished; as many episodes in flight as there are workers."""
     if limit_s is None and min(workers, len(configs)) <= 1:  # nothing could end an episode of this process
-        yield from (attempt(config, run_episode) for config in configs)
+        yield from _compiled_first(configs, lambda some, _: (attempt(config, run_episode) for config in some), tell)
         return
     function = functools.partial(attempt, run_episode=run_episode)
     with ended_by_signals(), Pool(function, workers, limit_s) as pool:
-        for config, result in pool.run(configs):
-            yield unfinished(config, result.reason) if isinstance(result, Lost) else result
+
+        def run(some: list[EpisodeConfig], grace_s: float) -> Iterator[EpisodeRecord]:
+            for config, result in pool.run(some, grace_s):
+                yield unfinished(config, result.reason) if isinstance(result, Lost) else result
+
+        yield from _compiled_first(configs, run, tell)
+
+
+def _compiled_first(
+    configs: list[EpisodeConfig],
+    run: Callable[[list[EpisodeConfig], float], Iterator[EpisodeRecord]],
+    tell: Callable[[str], None] | None,
+) -> Iterator[EpisodeRecord]:
+    """The first episode alone where there are kernels to compile, and the others side by side."""
+    if tell is not None and configs and not compiling.is_done(localizer := configs[0].localizer):
+        with compiling.alone(lambda: tell("another process is compiling the vision kernels; waiting for it")):
+            if not compiling.is_done(localizer):
+                kept = "" if kernel_cache.is_kept() else f"; {kernel_cache.ANEW}"
+                tell(f"the first episode compiles the vision kernels, which may take minutes{kept}")
+                begin = time.monotonic()
+                for record in run(configs[:1], compiling.LIMIT_S):
+                    if record.error is None:
+                        compiling.note_done(localizer)
+                        tell(f"the kernels are compiled; the first episode took {time.monotonic() - begin:.0f} s")
+                    yield record
+                configs = configs[1:]
+    yield from run(configs, 0.0)

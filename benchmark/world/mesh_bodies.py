@@ -21,7 +21,9 @@ Floats = NDArray[np.float64]
 APART_MM = 0.1  # bodies further from one another's hull than this do not make one part
 MOST_TURNED = 0.25  # share of a sheet's area that may be turned before it is in doubt which way the sheet looks
 TWICE = 1e-3  # share of a shell's volume that its own surface may enclose twice: neighbouring fillets cross a little
-CRUMB_MM3 = GAP_MM**3  # a shell that encloses less is none: a crumb, or a sheet with a back
+CRUMB_MM3 = GAP_MM**3  # a shell that encloses less is a crumb, or a sheet with a back
+WALL_MM = 0.1  # around a hollow; what is nearer to the surface touches it
+SMALL_MM = 0.1  # and it is no crumb if it is longer than this
 NEGLIGIBLE = 1e-6  # of a body's volume
 SLICES = 64
 
@@ -45,7 +47,10 @@ def one_solid(surface: Surface) -> Manifold:
     Raises:
         BodiesError: the surface passes through itself, or it is in doubt what the shells in it stand for.
     """
-    shells = _shells(surface)
+    try:
+        shells = _shells(surface, by_angle=False)
+    except BodiesError:
+        shells = _shells(surface, by_angle=True)
     if len(shells) == 1:
         return shells[0]
     if surface.turned > MOST_TURNED:
@@ -58,18 +63,33 @@ def one_solid(surface: Surface) -> Manifold:
     return solid
 
 
-def _shells(surface: Surface) -> list[Manifold]:
+def _shells(surface: Surface, by_angle: bool) -> list[Manifold]:
     """The shells of a surface, the largest first; altogether they enclose more than nothing.
 
     Raises:
         BodiesError: they do not, or one passes through itself.
     """
-    shells = [shell for shell in shells_of(surface) if abs(shell.volume) > CRUMB_MM3]
+    shells = [shell for shell in shells_of(surface, by_angle) if not _is_crumb(shell)]
+    if not shells:
+        raise BodiesError("crumbs", "Export the part as a solid.")
     if sum(shell.volume for shell in shells) < 0:  # its triangles look inwards
         shells = [shell.inside_out() for shell in shells]
-    if not shells:
-        raise BodiesError("a surface that encloses nothing", "Export the part as a solid.")
     return sorted(map(_manifold, shells), key=lambda shell: -abs(shell.volume()))
+
+
+def _is_crumb(shell: Shell) -> bool:
+    """Whether a shell is too small to count.
+
+    Raises:
+        BodiesError: it is not small, and encloses nothing.
+    """
+    if abs(shell.volume) > CRUMB_MM3:
+        return False
+    size = np.ptp(shell.vertices, axis=0)
+    if size.max() > SMALL_MM:
+        told = " x ".join(f"{length:.3g}" for length in size)
+        raise BodiesError(f"a sheet of {told} mm without thickness", "Delete it, or export the part as a solid.")
+    return True
 
 
 def _manifold(shell: Shell) -> Manifold:
@@ -81,7 +101,7 @@ def _manifold(shell: Shell) -> Manifold:
     solid = _as_is(shell)
     outwards = solid if shell.volume > 0 else _as_is(shell.inside_out())
     _check_simple(outwards)
-    if abs(solid.volume() - shell.volume) > TWICE * abs(shell.volume):
+    if abs(solid.volume() - shell.volume) > NEGLIGIBLE * abs(shell.volume):
         raise BodiesError("a surface that touches itself", "Unite what touches in the program that made it.")
     return solid
 
@@ -152,6 +172,9 @@ def _bodies(shells: Sequence[Manifold]) -> list[Manifold]:
         else:
             outer.append(shell)
             hollows.append([])
+    outwards = sum(shell.volume() > 0 for shell in shells)
+    if len(outer) > outwards and any(hollows):
+        raise BodiesError(f"{len(outer) - outwards} bodies inside out, and hollows that may be either", TURN)
     bodies = [_hollowed(*pair) for pair in zip(outer, hollows, strict=True)]
     for k, shell in enumerate(outer):
         if any(_place(shell, body) == "within" for body in bodies[:k] + bodies[k + 1 :]):
@@ -183,19 +206,16 @@ def _hollowed(body: Manifold, hollows: Sequence[Manifold]) -> Manifold:
 def _place(shell: Manifold, body: Manifold) -> str:
     """Where a shell that faces outwards is: ``apart``, ``across`` the surface of a body, ``within`` or ``flush``.
 
-    Flush is what lies within the body and touches its surface: taken out, it leaves no closed hollow.
+    Flush is what lies within the body but for a wall that is too thin to be one.
     """
     little = NEGLIGIBLE * shell.volume()
     if not _boxes_meet(shell, body, 0.0) or (shell ^ body).volume() <= little:
         return "apart"
     if (shell - body).volume() > little:
         return "across"
-    hollows = (-part.volume() for part in (body - shell).decompose())
-    before = [-part.volume() for part in body.decompose()]
-    same = sum(abs(hollow - shell.volume()) < 0.01 * shell.volume() for hollow in hollows)
-    return (
-        "within" if same > sum(abs(hollow - shell.volume()) < 0.01 * shell.volume() for hollow in before) else "flush"
-    )
+    low, high = np.reshape(body.bounding_box(), (2, 3))
+    around = Manifold.cube(tuple(high - low + 2)).translate(tuple(low - 1)) - body
+    return "within" if around.min_gap(shell, 2 * WALL_MM) > WALL_MM else "flush"
 
 
 def _boxes_meet(one: Manifold, other: Manifold, margin: float) -> bool:

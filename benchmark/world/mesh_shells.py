@@ -1,7 +1,8 @@
 """Parts a closed surface into shells, also where bodies share edges.
 
-Where more than two triangles meet at an edge, as where two bodies touch, it is the angles around the edge that tell
-which of them bound the same body. Lengths are in millimetres.
+Where more than two triangles meet at an edge, as where two bodies touch, it has to be told which of them bound the
+same body: by their order, for programs write one body after another, or by the angles around the edge. Lengths are in
+millimetres.
 """
 
 from __future__ import annotations
@@ -46,13 +47,18 @@ class Shell:
         return Shell(self.vertices, self.faces[:, ::-1])
 
 
-def shells_of(surface: Surface) -> list[Shell]:
-    """The shells of a surface, in the order of their first triangles."""
+def shells_of(surface: Surface, by_angle: bool) -> list[Shell]:
+    """The shells of a surface, in the order of their first triangles.
+
+    Args:
+        surface: closed; its triangles are in the order of the file.
+        by_angle: whether the angles tell which triangles belong together where more than two meet, or their order.
+    """
     vertices, faces = surface.vertices, surface.faces
     edges = edges_of(faces)
     one, other = edges.twos
     if (edges.counts > 2).any():
-        pairs = _pairs(vertices, faces, edges)
+        pairs = _pairs(vertices, faces, edges, by_angle)
         one, other = np.concatenate([one, pairs[:, 0]]), np.concatenate([other, pairs[:, 1]])
         vertices, faces = _split(vertices, faces, one, other)
     shell = components(edges.count, one % edges.count, other % edges.count)
@@ -84,7 +90,7 @@ def _split(vertices: Floats, faces: Ints, one: Ints, other: Ints) -> tuple[Float
     return vertices[corner], label.reshape(3, count).T
 
 
-def _pairs(vertices: Floats, faces: Ints, edges: Edges) -> Ints:
+def _pairs(vertices: Floats, faces: Ints, edges: Edges, by_angle: bool) -> Ints:
     """The sides (K, 2) that belong together at the edges where more than two meet."""
     sheet = sheets(edges)
     crowded = np.flatnonzero(edges.counts[edges.of_side] > 2)
@@ -94,8 +100,12 @@ def _pairs(vertices: Floats, faces: Ints, edges: Edges) -> Ints:
         same = _in_one_sheet(sides, edges, sheet[sides % len(faces)])
         pairs += same
         left = np.setdiff1d(sides, np.array(same, dtype=np.int64))
-        if len(left):
+        if by_angle and len(left):
             pairs += _around(left, _angles(vertices, faces, left, edges), edges)
+        else:
+            left = left[np.argsort(left % edges.count)]
+            up = edges.ascending[left]
+            pairs += zip(left[up].tolist(), left[~up].tolist(), strict=True)
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
@@ -125,12 +135,13 @@ def _around(sides: Ints, angles: Floats, edges: Edges) -> list[tuple[int, int]]:
 
     Inside begins, right-handed, at a triangle that passes the edge downwards, and ends at one that passes it upwards.
     Of wedges that overlap, the one that begins first ends first; bodies that touch are told apart by this even where
-    rounding has let them cross.
+    rounding has let them cross. Triangles in one place are taken in the order of the file.
     """
     by_angle = np.argsort(angles, kind="stable")
     step = np.cumsum(np.diff(angles[by_angle], prepend=0.0) > SAME_RAD)
     ends = edges.ascending[sides[by_angle]]
-    ordered = by_angle[np.lexsort((np.arange(len(sides)), ~ends, step))]
+    in_file = sides[by_angle] % edges.count
+    ordered = by_angle[np.lexsort((in_file, ~ends, step))]
     depth = np.cumsum(np.where(edges.ascending[sides[ordered]], -1, 1))
     ordered = np.roll(ordered, -int(np.argmin(depth)) - 1)
     begun: deque[int] = deque()

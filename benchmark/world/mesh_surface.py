@@ -18,7 +18,6 @@ from benchmark.world.mesh_topology import (
     components,
     do_agree,
     edges_of,
-    net,
     once,
     open_edges,
     open_sheets,
@@ -98,22 +97,23 @@ def _closed(vertices: Floats, faces: Ints, gap_mm: float) -> Ints | None:
 def _readings(vertices: Floats, faces: Ints) -> list[Ints]:
     """What may be meant by triangles of which some are there more than once; the first that is closed is right.
 
-    Where all agree, those back to back are the wall between two bodies that touch, and those that look the same way
-    were written twice, or belong to two bodies that overlap. Where some look the wrong way, none of this can be told,
-    and all that may have happened is that some were written twice.
+    Where all agree, those that look the same way were written twice, or belong to two bodies that overlap. Those back
+    to back belong to two bodies that touch, and both stay. Where some look the wrong way, this cannot be told, and
+    all that may have happened is that some were written twice.
 
     Raises:
-        OpenSurfaceError: a whole body is there twice, and not in such a way.
+        OpenSurfaceError: a whole body is there twice, and some look the wrong way.
     """
-    agree, single = do_agree(faces), once(faces)
-    left = net(faces) if agree else single
-    twice = _without(single, left) if agree else repeated(faces)
+    single, twice = once(faces), repeated(faces)
     whole = twice[~open_sheets(twice)]
-    if 0 < len(whole) < len(single):
-        raise OpenSurfaceError(
-            "a body that is there twice, beside others", "Delete one of the two.", vertices[whole[0, 0]]
-        )
-    return [once(left), left] if len(left) else [single]
+    if len(whole) == len(single):
+        return [single]
+    if do_agree(faces):
+        return [once(faces, either_way=False), faces]
+    if len(whole):
+        got = "a body that is there twice, and triangles that look in opposite directions"
+        raise OpenSurfaceError(got, "Delete one of the two.", vertices[whole[0, 0]])
+    return [single]
 
 
 def _without(faces: Ints, others: Ints) -> Ints:

@@ -99,25 +99,25 @@ def with_three_corners(faces: Ints) -> Ints:
     return np.asarray(faces[(first != second) & (second != third) & (third != first)])
 
 
-def once(faces: Ints) -> Ints:
-    """Every triangle once, in the order of first appearance, whichever way its copies look."""
-    kept = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]
+def once(faces: Ints, either_way: bool = True) -> Ints:
+    """Every triangle once, in the order of first appearance.
+
+    Args:
+        faces: the triangles, (M, 3).
+        either_way: whether those back to back are copies of one another, too.
+    """
+    kinds = np.sort(faces, axis=1) if either_way else _from_lowest(faces)
+    kept = np.unique(kinds, axis=0, return_index=True)[1]
     return np.asarray(faces[np.sort(kept)])
+
+
+def _from_lowest(faces: Ints) -> Ints:
+    """The corners in their order, from the one with the lowest index."""
+    first = np.argmin(faces, axis=1)[:, None]
+    return np.asarray(np.take_along_axis(faces, (first + np.arange(3)) % 3, axis=1))
 
 
 def repeated(faces: Ints) -> Ints:
     """What is there more than once, once."""
     kept, counts = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)[1:]
     return np.asarray(faces[np.sort(kept[counts > 1])])
-
-
-def net(faces: Ints) -> Ints:
-    """The triangles without the pairs that are back to back."""
-    kind = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)[1].ravel()
-    after_lowest = np.take_along_axis(faces, (np.argmin(faces, axis=1)[:, None] + [1, 2]) % 3, axis=1)
-    looks = np.where(after_lowest[:, 0] < after_lowest[:, 1], 1, -1)
-    total = np.bincount(kind, looks).astype(np.int64)
-    left = np.flatnonzero(looks == np.sign(total)[kind])
-    by_kind = left[np.argsort(kind[left], kind="stable")]
-    number = np.arange(len(by_kind)) - np.searchsorted(kind[by_kind], kind[by_kind])
-    return np.asarray(faces[np.sort(by_kind[number < np.abs(total)[kind[by_kind]]])])

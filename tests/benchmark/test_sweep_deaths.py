@@ -32,6 +32,7 @@ from benchmark.records.store import read_records
 from tests.benchmark.test_child_processes import BOUND_S, started
 from vision.errors import ResourceError
 
+ROOT = Path(__file__).resolve().parents[2]
 CONFIG = SweepConfig(parts=("hub", "cover1"), scenes=3)
 EPISODE = EpisodeConfig(("hub",))
 FIRST = "hub/000"
@@ -168,6 +169,7 @@ def test_workers_killed_at_random_change_no_record(tmp_path: Path) -> None:
 INTERRUPTED = """
 import functools, os, signal, sys, time
 from pathlib import Path
+sys.path.insert(0, {root!r})
 from tests.benchmark.test_sweep_deaths import CONFIG, always, kill_myself
 from benchmark.episodes.sweep import run_sweep
 
@@ -188,7 +190,7 @@ if __name__ == "__main__":
 @pytest.mark.slow
 @pytest.mark.parametrize("presses", [1, 2])
 def test_ctrl_c_ends_stopped_workers_too(tmp_path: Path, presses: int) -> None:
-    with started(INTERRUPTED, tmp_path) as (process, children):
+    with started(INTERRUPTED.format(root=str(ROOT)), tmp_path) as (process, children):
         for _ in range(presses):
             process.send_signal(signal.SIGINT)
         process.wait(BOUND_S)

@@ -57,6 +57,16 @@ def test_in_photographs_the_edges_of_a_thin_rim_are_one_and_concentric_rings_are
     assert len(detect_ellipses(photograph((outer, 150.0), (inner, 200.0)))) == number
 
 
+@pytest.mark.parametrize("gap", [4, 10])
+def test_near_rims_are_kept_apart_on_demand(gap):
+    outer = Ellipse.from_geometric(320.3, 240.2, 150, 140, 0.3)
+    inner = Ellipse.from_geometric(320.3, 240.2, 150 - gap, 140 - gap, 0.3)
+    found = detect_ellipses(photograph((outer, 170.0), (inner, 90.0)), GroupingParameters(max_apart_px=3))
+    assert len(found) == 2
+    for truth in (outer, inner):
+        assert min(np.abs(row[2:4] - truth.semi_axes).max() for row in found) < 0.3
+
+
 @pytest.mark.parametrize("category", PHOTOGRAPHIC)
 def test_photographic_drawings_ask_for_what_can_be_seen(category):
     drawing = draw("tune", category, 1)
