@@ -16,6 +16,7 @@ from vision.grouping.fragments import FragmentParameters
 from vision.grouping.kalman_filter import FilterParameters
 from vision.grouping.score import DEFAULT_WEIGHTS, ScoreWeights
 from vision.matching.parameters import MatchingParameters
+from vision.pose.edge_errors import EdgeErrors
 from vision.regions.quadtree import SplitAndMerge
 from vision.regions.region_ellipses import BoundaryFit
 from vision.regions.segmentation import RegionGrowing
@@ -23,7 +24,7 @@ from vision.settings import POSITIVE, SHARE, Allowed, check, count
 
 SETTINGS = (
     *(EdgeParameters, FragmentParameters, FilterParameters, GroupingParameters, SplitAndMerge, RegionGrowing),
-    *(BoundaryFit, MatchingParameters, ExtractionThresholds),
+    *(BoundaryFit, MatchingParameters, EdgeErrors, ExtractionThresholds),
 )
 
 

@@ -220,6 +220,7 @@ class Matcher:
             iterations=len(reach),
             inplane=inplane,
             calibration=self.parameters.calibration,
+            edge_errors=self.parameters.edge_errors,
         )
 
     def _refined_on_ellipses(self, T: Array, matches: NDArray[np.intp], features: Features) -> Refinement | None:
@@ -232,4 +233,5 @@ class Matcher:
             iterations=4,
             inplane=False,
             calibration=self.parameters.calibration,
+            edge_errors=self.parameters.edge_errors,
         )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from vision.errors import InputError
 from vision.pose.calibration import EXACT, CalibrationError
+from vision.pose.edge_errors import USUAL, EdgeErrors
 from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, Allowed, check, count
 
 
@@ -26,6 +27,7 @@ class MatchingParameters:
         far_depth_shares: the same for a pose that only one view supports.
         leash: how far a refinement may move a pose before it has run away, in part diameters.
         calibration: how unsure the calibration of the views is; it widens the covariances and moves no pose.
+        edge_errors: the errors that many edges share; they too widen the covariances and move no pose.
         joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points, as a
             localizer with one extractor always does.
     """
@@ -42,6 +44,7 @@ class MatchingParameters:
     far_depth_shares: tuple[float, ...] = tuple(0.0025 * step for step in range(-16, 17))
     leash: float = 0.05
     calibration: CalibrationError = EXACT
+    edge_errors: EdgeErrors = USUAL
     joint_edges: bool = True
 
     def __post_init__(self) -> None:
