@@ -15,7 +15,7 @@ from benchmark.detector.drawings import draw
 from benchmark.detector.evaluate import Tally
 from benchmark.episodes.evaluation import TruePiece
 from benchmark.seeds import PICTURES
-from benchmark.tuning import edge_sigmas, ellipse_score
+from benchmark.tuning import confirmation, edge_sigmas, ellipse_score
 from benchmark.tuning.candidates import TERMS, candidates_of
 from benchmark.tuning.edge_sigmas import enlargement, fit_sigmas, inside
 from benchmark.tuning.ellipse_score import f_difference, fit_logistic, fit_weights
@@ -23,7 +23,7 @@ from benchmark.tuning.pose_errors import NAMES, PoseErrors, pose_errors
 from benchmark.tuning.scenes import KnownScene
 from vision import Workspace, load_views
 from vision.grouping.score import DEFAULT_WEIGHTS
-from vision.matching.parameters import MatchingParameters
+from vision.matching.parameters import CONFIRMATION, MatchingParameters
 from vision.pose.edge_errors import USUAL
 
 THREE_VIEWS = Path(__file__).resolve().parents[2] / "docs" / "images" / "three_views"
@@ -122,14 +122,27 @@ def test_the_slope_is_that_of_the_likelihood(simulated):
         assert simulated.slope(np.sqrt(squares))[k] == pytest.approx(expected, rel=1e-4)
 
 
+def test_a_changed_setting_leaves_the_others_alone():
+    assert confirmation.changed("demand", 0.5) == replace(CONFIRMATION, demand=0.5 * CONFIRMATION.demand)
+    assert confirmation.changed("most_peaks", 0.01).most_peaks == 1
+
+
+def test_what_is_found_and_what_is_lost_is_counted(scene):
+    usual = confirmation.outcome([scene], CONFIRMATION)
+    assert (len(usual.found), len(usual.half), usual.false_poses) == (4, 4, 0)
+    nothing = confirmation.outcome([replace(scene, pieces=scene.pieces[:1])], CONFIRMATION)
+    assert (len(nothing.found), nothing.false_poses) == (1, 3)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "words"),
     [
         (ellipse_score, ("| coverage_squared |", "F − F in the code", "validation 500000")),
         (edge_sigmas, ("| swell_px |", "inside the 95% ellipsoid", "validation 40000")),
+        (confirmation, ("| rival_px |", "false poses", "tuning 30000")),
     ],
-    ids=["ellipse_score", "edge_sigmas"],
+    ids=["ellipse_score", "edge_sigmas", "confirmation"],
 )
 def test_a_script_runs_and_prints_its_tables_and_seeds(script, words, capsys):
     script.main(["--quick", "--format", "md"])

@@ -54,7 +54,7 @@ class Matcher:
         self.views, self.model, self.workspace = views, model, workspace
         self.parameters = parameters or MatchingParameters()
         self.circles = SalientCircles.of(model)
-        self.scene = SceneEdges(views, fields)
+        self.scene = SceneEdges(views, fields, self.parameters.confirmation)
 
     def match(self, features: Features, arcs: Sequence[Sequence[Arc]] = ()) -> list[PoseEstimate]:
         """All instances of the part that the features and the edges support, best first.
