@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
+from vision import kernel_cache
 from vision.errors import FocalpickError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -120,6 +121,13 @@ def check_gl() -> Iterator[Finding]:
     yield Finding("OpenGL", drawn.returncode == 0, text, remedy)
 
 
+def check_kernels() -> Iterator[Finding]:
+    """The vision kernels can be compiled, and are kept."""
+    kernel_cache.require()
+    text = f"kept in {kernel_cache.folder()}" if kernel_cache.is_kept() else kernel_cache.ANEW
+    yield Finding("compiled kernels", kernel_cache.is_kept(), text, "Set NUMBA_CACHE_DIR to a folder of your own")
+
+
 def check_assets() -> Iterator[Finding]:
     """The files of every part and of the cell are there."""
     from benchmark.world.parts import PART_NAMES, get_part, vertices
@@ -136,6 +144,7 @@ def check_assets() -> Iterator[Finding]:
 
 def check_models() -> Iterator[Finding]:
     """Every part's taught vision model loads."""
+    kernel_cache.require()
     from benchmark.world.parts import PART_NAMES
     from vision.model.model_file import load_model
 
@@ -168,6 +177,7 @@ CHECKS: dict[str, Callable[[], Iterator[Finding]]] = {
     "libraries": check_versions,
     "pinned versions": check_pins,
     "OpenGL": check_gl,
+    "compiled kernels": check_kernels,
     "parts": check_assets,
     "vision models": check_models,
     "disk": check_disk,

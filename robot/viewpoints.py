@@ -51,34 +51,6 @@ def look_at(target_world: ArrayLike, position_world: ArrayLike, *, upside_down: 
     return RigidTransform.from_components(position, Rotation.from_matrix(np.column_stack([x, np.cross(z, x), z])))
 
 
-def viewpoints(
-    target_world: ArrayLike,
-    distance_m: float,
-    count: int = 3,
-    tilt_rad: float = DEFAULT_TILT_RAD,
-    *,
-    first_azimuth_rad: float = np.pi,
-) -> list[RigidTransform]:
-    """Camera poses evenly around a target, all aimed at it.
-
-    Args:
-        target_world: (3,) point to look at, in m.
-        distance_m: from the camera to the target.
-        count: how many.
-        tilt_rad: angle of the optical axis from the vertical.
-        first_azimuth_rad: where the first one stands, about the world's z axis from its x axis (pi: robot's side).
-
-    Returns:
-        T_world_camera (OpenCV axes) per viewpoint, image x along the world's y axis.
-
-    Raises:
-        InputError: when the distance, the count or the tilt is out of range.
-    """
-    _check(distance_m, count, tilt_rad)
-    azimuths = first_azimuth_rad + 2 * np.pi * np.arange(count) / count
-    return [_viewpoint(target_world, distance_m, tilt_rad, azimuth) for azimuth in azimuths]
-
-
 def reachable_viewpoints(
     kinematics: ArmKinematics,
     T_flange_camera: RigidTransform,

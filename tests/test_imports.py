@@ -16,9 +16,9 @@ FILES = tuple(sorted(path for package in PACKAGES for path in (ROOT / package).r
 
 VISION_MAY_IMPORT = {"vision", "numpy", "scipy", "cv2", "filterpy", "numba"}
 ROBOT_MAY_IMPORT = {"robot", "numpy", "scipy", "mujoco", "mink", "ruckig"}
-VALUE_TYPES = ("vision.geometry.camera", "vision.errors")
+VALUE_TYPES = ("vision.geometry.camera", "vision.errors", "vision.model.grasp", "vision.frozen")
 EDITOR = "vision/teaching/editor/"
-ANYONE = {"errors", "settings", "features", "kernel_cache"}
+ANYONE = {"errors", "frozen", "settings", "features", "kernel_cache"}
 ROOMS: dict[str, set[str]] = {
     "geometry": set(),
     "files": {"geometry"},

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from vision.errors import InputError
 from vision.features import EllipseFeature, Process
+from vision.frozen import frozen_arrays
 from vision.grouping.edge_grouping import Grouping, GroupingParameters, group_edges
 from vision.regions.attributes import AttributeConstraints
 from vision.regions.quadtree import SplitAndMerge
@@ -127,6 +128,7 @@ def run_extractors(
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Arc:
     """A smooth convex piece of an edge.
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Ellipse
 
 Process = Literal["region", "group"]
@@ -35,6 +36,7 @@ class RegionAttributes:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class EllipseFeature:
     """An ellipse that an extractor found in one view.
 
@@ -55,13 +57,4 @@ class EllipseFeature:
     attributes: RegionAttributes | None = field(default=None)
 
     def __post_init__(self) -> None:
-        points = np.array(self.points, dtype=float)
-        points.flags.writeable = False
-        object.__setattr__(self, "points", points)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the points stay read-only."""
-        return (
-            EllipseFeature,
-            (self.ellipse, self.process, self.points, self.support, self.score, self.attributes),
-        )
+        object.__setattr__(self, "points", np.array(self.points, dtype=float))

@@ -200,10 +200,6 @@ class EllipseLocalizer:
             answers[process] = self._match(flat, mine, (), workspace, joint_edges=False)
         return answers
 
-    def extract(self, view: View, workspace: Workspace | None = None) -> list[EllipseFeature]:
-        """The ellipses that the extractors find in one view with a distortion-free lens."""
-        return self.features_and_arcs(view, workspace)[0]
-
     def features_and_arcs(self, view: View, workspace: Workspace | None) -> tuple[list[EllipseFeature], list[Arc]]:
         """The ellipses of a view, and the arcs to fall back on where both extractors are at work."""
         found = self.extraction(view, workspace)

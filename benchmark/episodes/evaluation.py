@@ -20,6 +20,7 @@ from benchmark.episodes.metrics import (
     mssd_mm,
     normalized_error,
     pose_errors,
+    pose_offset,
 )
 from benchmark.models import load_model
 from benchmark.records.episode_record import PieceRecord, ProcessResult
@@ -123,7 +124,8 @@ def _result(
     pose, truth = estimate.T_world_part, piece.T_world_part
     errors = pose_errors(pose, truth, symmetry, _hull(piece.part))
     normalized = normalized_error(pose, estimate.covariance, truth, symmetry, inplane_known=estimate.inplane_known)
-    return ProcessResult(extracted, matched=True, errors=errors, normalized=normalized)
+    offset = pose_offset(pose, truth, symmetry, inplane_known=estimate.inplane_known)
+    return ProcessResult(extracted, matched=True, errors=errors, normalized=normalized, offset=offset)
 
 
 def _extracted(name: str, ellipses: Sequence[Sequence[Ellipse]], localization: Localization) -> bool:

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.special import chdtri
 
-from benchmark.records.episode_record import NormalizedError, PoseErrors
+from benchmark.records.episode_record import NormalizedError, PoseErrors, PoseOffset
 
 Array = NDArray[np.float64]
 Estimate = TypeVar("Estimate")
@@ -122,13 +122,29 @@ def pose_errors(
     else:
         step = 2 * math.pi / symmetry.fold
         inplane = abs(math.remainder(_twist(rotation), step))
-        geodesic = float((rotation * _symmetry_rotations(symmetry.fold, rotation)).magnitude().min())
+        geodesic = float(_nearest(symmetry.fold, rotation).magnitude())
     return PoseErrors(
         translation_mm=float(1000 * np.linalg.norm(T_truth_estimate.translation)),
         tilt_deg=math.degrees(tilt),
         inplane_deg=None if inplane is None else math.degrees(inplane),
         rotation_deg=math.degrees(geodesic),
         mssd_mm=mssd_mm(T_world_estimate, T_world_truth, symmetry, points),
+    )
+
+
+def pose_offset(
+    T_world_estimate: RigidTransform,
+    T_world_truth: RigidTransform,
+    symmetry: SymmetryLike,
+    *,
+    inplane_known: bool = True,
+) -> PoseOffset:
+    """The way from the true pose to an estimated one; the arguments are those of ``normalized_error``."""
+    T_truth_estimate = T_world_truth.inv() * T_world_estimate
+    turn = _nearest(symmetry.fold if inplane_known else None, T_truth_estimate.rotation)
+    return PoseOffset(
+        translation_mm=tuple((1000 * T_truth_estimate.translation).tolist()),
+        rotation_deg=tuple(turn.as_rotvec(degrees=True).tolist()),
     )
 
 
@@ -178,9 +194,7 @@ def error_vector(
     """
     whole = inplane_known and symmetry.fold is not None
     T_truth_estimate = T_world_truth.inv() * T_world_estimate
-    rotations = _symmetry_rotations(symmetry.fold if whole else None, T_truth_estimate.rotation)
-    left_over = T_truth_estimate.rotation * rotations
-    nearest = left_over[int(np.argmin(left_over.magnitude()))]
+    nearest = _nearest(symmetry.fold if whole else None, T_truth_estimate.rotation)
     turn = T_world_truth.rotation.apply(nearest.as_rotvec())  # the same rotation, with its axis in the world frame
     error = np.concatenate([T_world_estimate.translation - T_world_truth.translation, turn])
     counted = np.eye(6)
@@ -293,6 +307,12 @@ def _symmetry_rotations(fold: int | None, rotation: Rotation) -> Rotation:
     steps, start = (_CONTINUOUS_STEPS, -_twist(rotation)) if fold is None else (fold, 0.0)
     angles = start + 2 * math.pi * np.arange(steps) / steps
     return Rotation.from_rotvec(np.column_stack([np.zeros(steps), np.zeros(steps), angles]))
+
+
+def _nearest(fold: int | None, rotation: Rotation) -> Rotation:
+    """Of a rotation and those that look the same, the smallest."""
+    alike = rotation * _symmetry_rotations(fold, rotation)
+    return alike[int(np.argmin(alike.magnitude()))]
 
 
 def _directions(n: int) -> Array:

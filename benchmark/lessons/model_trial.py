@@ -13,7 +13,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from benchmark.config import EpisodeConfig, episode_seed
@@ -35,7 +34,6 @@ from vision.model.vision_model import VisionModel
 from vision.pose.estimate import PoseEstimate
 from vision.teaching.editor.services import PieceOutcome, SceneOutcome
 
-Array = NDArray[np.float64]
 Report = Callable[[SceneOutcome], None]
 
 PIECES = 4

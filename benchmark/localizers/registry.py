@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import entry_points
+from pathlib import Path
 
 from benchmark.localizers.oracle import Oracle, Truth
-from benchmark.localizers.user import REFERENCE, WatchedLocalizer, imported, make_watched
+from benchmark.localizers.user import REFERENCE, WatchedLocalizer, imported, make_watched, source_file
 from vision.errors import InputError
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace
@@ -46,6 +47,15 @@ def make_localizer(
         known = ", ".join([*PRESETS, "oracle", *sorted(registered)])
         raise InputError("localizer", got=name, expected=f"{known}, or {REFERENCE}")
     return make_watched(name, registered[name].load, models, f"what {registered[name].value} names in its package")
+
+
+def user_file(name: str) -> Path | None:
+    """The file of the module that a user's localizer comes from; None where there is none, as for focalpick's own."""
+    if name == "oracle" or name in PRESETS:
+        return None
+    modules = {point.name: point.module for point in entry_points(group=ENTRY_POINTS)}
+    module = name.partition(":")[0] if ":" in name else modules.get(name, "")
+    return source_file(module)
 
 
 def with_answers_alone(

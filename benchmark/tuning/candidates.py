@@ -11,6 +11,7 @@ from scipy.special import expit
 from benchmark.detector.drawings import Drawing
 from benchmark.detector.evaluate import MIN_OVERLAP
 from vision.edges.edge_map import detect_edges
+from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Ellipse, overlap
 from vision.grouping.edge_grouping import GroupingParameters, walked_ellipses
 from vision.grouping.fragments import extract_fragments
@@ -27,6 +28,7 @@ TERMS = ScoreWeights._fields[:-1]
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Candidates:
     """The candidates of one picture.
 

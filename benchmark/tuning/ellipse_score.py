@@ -26,6 +26,7 @@ from benchmark.seeds import PICTURES
 from benchmark.tuning.candidates import TERMS, Candidates, candidates_of
 from benchmark.tuning.options import Report, Size, run, seeds_in_words
 from vision import detect_ellipses
+from vision.frozen import frozen_arrays
 from vision.grouping.edge_grouping import GroupingParameters
 from vision.grouping.score import DEFAULT_WEIGHTS, ScoreWeights
 
@@ -40,6 +41,7 @@ RESAMPLES = 2000
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Outcome:
     """How well the detector does with some weights on the validation pictures.
 

@@ -97,12 +97,17 @@ def works(backend: str, timeout_s: float = 60.0, environment: Mapping[str, str] 
     return probe.returncode == 0
 
 
-def renderer_name() -> str:
-    """What draws in the current OpenGL context, such as ``llvmpipe (LLVM 15.0.6, 256 bits)``; empty without one."""
+def drawn_by() -> dict[str, str]:
+    """What draws in the current OpenGL context: its vendor, renderer and version, by their names in a record.
+
+    Mesa's software renderer says for how wide vectors it compiles: ``llvmpipe (LLVM 15.0.6, 256 bits)``. Empty texts
+    without a context.
+    """
     from OpenGL import GL  # needs the platform that MuJoCo's context has settled
 
-    name = GL.glGetString(GL.GL_RENDERER)
-    return name.decode() if isinstance(name, bytes) else ""
+    names = {"gl_vendor": GL.GL_VENDOR, "gl_renderer": GL.GL_RENDERER, "gl_version": GL.GL_VERSION}
+    texts = {key: GL.glGetString(name) for key, name in names.items()}
+    return {key: text.decode() if isinstance(text, bytes) else "" for key, text in texts.items()}
 
 
 def main() -> int:

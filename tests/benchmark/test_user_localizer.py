@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from benchmark import cli
 from benchmark.config import EpisodeConfig
-from benchmark.episodes.sweep import failed_episode
+from benchmark.episodes.failures import failed_episode
 from benchmark.localizers.errors import LocalizerError
 from benchmark.localizers.registry import make_localizer
 from benchmark.models import load_model

@@ -8,10 +8,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from robot.grasp_opening import MARGINS_M, opened_grasps
 from robot.grasping import covered_share, plan_grasp
-from robot.grasps import GraspPlan, GraspSettings, OpenedGrasp, Piece, TaughtGrasp
+from robot.grasps import GraspPlan, GraspSettings, OpenedGrasp, Piece
 from robot.gripper_geometry import Boxes, GripperGeometry
 from robot.kinematics import HOME_Q, ArmKinematics
 from vision.errors import InputError
+from vision.model.grasp import GraspCoordinates
 
 DOWN = Rotation.from_euler("x", np.pi)
 FLOOR_Z = 0.10
@@ -32,7 +33,7 @@ COVER = cylinder_points(0.0325, 0.02)
 (*_, OUTSIDE), (*_, INSIDE) = (
     opened_grasps(
         GripperGeometry.from_mjcf(),
-        [TaughtGrasp("any", RigidTransform.from_rotation(DOWN), width, kind, copies=12)],
+        [GraspCoordinates("any", RigidTransform.from_rotation(DOWN), width, kind, copies=12)],
         COVER,
         0.1,
     )
@@ -172,6 +173,6 @@ def test_values_survive_pickling_and_refuse_nonsense() -> None:
     assert piece.grasps[0].grasp.kind == "outside"
     assert not piece.points_part.flags.writeable
     with pytest.raises(InputError, match="outside or inside"):
-        TaughtGrasp("x", RigidTransform.identity(), 0.01, "sideways")  # type: ignore[arg-type]
+        GraspCoordinates("x", RigidTransform.identity(), 0.01, "sideways")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="above zero"):
-        TaughtGrasp("x", RigidTransform.identity(), 0.0, "outside")
+        GraspCoordinates("x", RigidTransform.identity(), 0.0, "outside")

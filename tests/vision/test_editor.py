@@ -6,6 +6,7 @@ import asyncio
 import logging
 import multiprocessing
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from vision.teaching import events as ev
 from vision.teaching.editor.acts import event_of_act
 from vision.teaching.editor.autosave import Autosave
 from vision.teaching.editor.drawing_state import difference, drawing_state, guide
+from vision.teaching.editor.extraction import Extraction, pose_complaint
 from vision.teaching.editor.extractor_choice import how_often_found
 from vision.teaching.editor.findings import Inspector
 from vision.teaching.editor.grasp_pose import GraspPose, bore_at, grasp_on
@@ -320,3 +322,33 @@ def test_a_request_that_ended_with_the_program_is_not_told_of_and_faults_are():
     assert not _is_worth_telling(recorded(RuntimeError("No response returned.")))
     assert _is_worth_telling(recorded(RuntimeError("the page has a fault")))
     assert _is_worth_telling(logging.LogRecord("uvicorn.error", logging.INFO, "", 0, "started", (), None))
+
+
+def test_poses_of_a_lesson_are_doubted_where_the_pictures_contradict_them(views):
+    inverted = [replace(view, T_world_camera=view.T_world_camera.inv()) for view in views]
+    for diameter_m in (0.0, 0.060):
+        assert "read as T_camera_world" in pose_complaint(inverted, diameter_m)
+        assert pose_complaint(views, diameter_m) == ""
+
+
+def test_the_doubt_follows_the_overlays(views):
+    far = [
+        RigidTransform.from_components(1e3 * v.T_world_camera.translation, v.T_world_camera.rotation) for v in views
+    ]
+    extraction = Extraction([replace(view, T_world_camera=T) for view, T in zip(views[:2], far[:2], strict=True)])
+    told = []
+
+    async def open_page():
+        working = asyncio.ensure_future(
+            extraction.keep_up(ExtractionThresholds, lambda: told.append(extraction.pose_complaint), lambda: 0.060)
+        )
+        while len(told) < 3:
+            await asyncio.sleep(0.01)
+        working.cancel()
+
+    try:
+        asyncio.run(asyncio.wait_for(open_page(), 60))
+    finally:
+        extraction.close()
+    assert told[:2] == ["", ""]
+    assert "in millimetres" in told[2]

@@ -58,5 +58,5 @@ def test_a_localizer_takes_the_thresholds_that_its_models_agree_on(plate, view):
     adapted = replace(plate, thresholds=ExtractionThresholds(noise_factor=1000.0, shortest_fragment_px=500.0))
     assert common_thresholds([adapted, adapted]) == adapted.thresholds
     assert common_thresholds([adapted, plate]) == ExtractionThresholds()
-    assert len(EllipseLocalizer([adapted], ("group",)).extract(view)) <= 1
-    assert len(EllipseLocalizer([adapted, plate], ("group",)).extract(view)) >= 3
+    assert len(EllipseLocalizer([adapted], ("group",)).extraction(view).features) <= 1
+    assert len(EllipseLocalizer([adapted, plate], ("group",)).extraction(view).features) >= 3

@@ -136,7 +136,9 @@ def test_the_best_come_first_and_none_is_below_the_minimum(plate, scene, photogr
 
 def test_covariance_is_symmetric_positive_and_of_the_size_of_the_error(plate, scene, photograph):
     views = photograph(scene)
-    for estimate in matcher(plate, views).match(perfect(plate, scene, views)):
+    found = matcher(plate, views).match(perfect(plate, scene, views))
+    assert len(found) == len(scene)
+    for estimate in found:
         assert np.allclose(estimate.covariance, estimate.covariance.T, rtol=1e-6, atol=1e-18)
         assert (np.linalg.eigvalsh(estimate.covariance) > 0).all()
         assert 1e-7 < np.sqrt(np.trace(estimate.covariance[:3, :3])) < 1e-4

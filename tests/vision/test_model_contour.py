@@ -15,8 +15,9 @@ from vision.geometry.camera import camera_arrays
 from vision.geometry.circle import Circle, project_circle
 from vision.matching.edge_support import tally_support
 from vision.model.contour import PATTERN_SAMPLES, SAMPLE_SPACING_PX, ModelContour
+from vision.model.grasp import turns_about_axis
 from vision.model.projection import hides
-from vision.model.vision_model import CircleFeature, Pattern, VisionModel, turns_about_axis
+from vision.model.vision_model import CircleFeature, Pattern, VisionModel
 
 SCALE = 4200.0
 SLOT_ANGLES = 0.4 + np.arange(3) * 2 * np.pi / 3

@@ -12,11 +12,11 @@ from scipy.stats import chi2
 from vision.errors import InputError
 from vision.geometry.ellipse import Ellipse
 from vision.geometry.ellipse_fit import fit_ellipse
+from vision.regions.boundary_ellipses import covered
 from vision.regions.region_ellipses import (
     AttributeConstraints,
     BoundaryFit,
     RegionGrowing,
-    circumference_covered,
     region_ellipses,
     segment,
 )
@@ -252,8 +252,8 @@ def test_segmentations_survive_pickling_read_only():
 
 def test_half_a_circumference_is_half_covered():
     ellipse = Ellipse.from_geometric(50, 50, 40, 25, 0.7)
-    assert circumference_covered(ellipse, ellipse.sample(200)) == 1.0
-    assert circumference_covered(ellipse, ellipse.sample(200)[:100]) == pytest.approx(0.5, abs=0.04)
+    assert covered(ellipse.geometric, ellipse.sample(200), 6.0) == 1.0
+    assert covered(ellipse.geometric, ellipse.sample(200)[:100], 6.0) == pytest.approx(0.5, abs=0.04)
 
 
 # The fit.
@@ -271,7 +271,7 @@ def noisy(ellipse, n, part, sigma, rng):
 
 
 @pytest.mark.parametrize(("a", "b", "part"), [(100, 80, 1.0), (100, 80, 0.5), (40, 12, 1.0), (100, 99.9, 1.0)])
-def test_the_covariance_is_honest(a, b, part):
+def test_the_covariance_of_region_ellipses_is_honest(a, b, part):
     truth, rng, trials = Ellipse.from_geometric(300, 200, a, b, 0.4), np.random.default_rng(1), 150
     errors = []
     for _ in range(trials):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.drawing.strokes import Colour, Image, Strokes, enlarge, paint
+from vision.frozen import frozen_arrays
 
 _FADE = 0.45
 _LEGEND_PX = 1280  # longer side of a picture whose legend is written in the font's own size
@@ -17,6 +18,7 @@ _LEGEND_LINE_PX = 34
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Panel:
     """One picture of a stage.
 
@@ -30,17 +32,9 @@ class Panel:
     title: str
     image: Image
 
-    def __post_init__(self) -> None:
-        view = self.image.view()
-        view.flags.writeable = False
-        object.__setattr__(self, "image", view)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the image stays read-only."""
-        return (Panel, (self.name, self.title, self.image))
-
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Paper:
     """The picture that the stages are drawn over.
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vision.errors import InputError
 from vision.features import EllipseFeature, Process
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.grouping.edge_grouping import Grouping
 from vision.model.contour import ModelContour
@@ -42,6 +43,7 @@ _MARGIN_PX = 8
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Strokes:
     """Coloured polylines over an image.
 
@@ -58,14 +60,8 @@ class Strokes:
         colours = np.array(self.colours, dtype=np.uint8).reshape(-1, 3)
         if len(lines) != len(colours):
             raise InputError("strokes", got=f"{len(lines)} lines, {len(colours)} colours", expected="one for each")
-        for array in (*lines, colours):
-            array.flags.writeable = False
         object.__setattr__(self, "lines", lines)
         object.__setattr__(self, "colours", colours)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Strokes, (self.lines, self.colours))
 
     def __len__(self) -> int:
         return len(self.lines)

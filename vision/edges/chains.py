@@ -20,7 +20,6 @@ _MIN_AGREEMENT, _SAME_DIRECTION, _MIN_AGREEMENT_ACROSS = 0.5, 0.97, 0.85
 _MIN_AHEAD = 0.2  # cosine between the tangent and the step to a neighbour
 _MAX_TANGENT_ASIDE = 0.62  # tangent of the angle whose cosine is the least one across a gap
 _MIN_LENGTH_ACROSS = 4  # only what has some length may reach across a gap; specks of texture may not
-_MIN_CLOSED = 16  # points of a closed chain
 
 _TANGENT_OF_SIXTEENTH = np.tan(np.pi / 8)
 
@@ -45,7 +44,7 @@ def _steps_ahead() -> tuple[Numbers, Numbers]:
 
 def link_pixels(
     pixels: NDArray[np.uint8], gx: NDArray[np.int16], gy: NDArray[np.int16], min_length: int, max_gap: int
-) -> tuple[Numbers, Numbers, NDArray[np.bool_]]:
+) -> tuple[Numbers, Numbers]:
     """Link edge pixels into chains.
 
     Args:
@@ -56,8 +55,7 @@ def link_pixels(
         max_gap: gaps up to this length are bridged along the tangent.
 
     Returns:
-        The (N,) numbers y W + x of the pixels in walking order, the (C + 1,) offsets of the chains, and (C,) whether
-        the end of a chain meets its beginning.
+        The (N,) numbers y W + x of the pixels in walking order, and the (C + 1,) offsets of the chains.
     """
     margin = max_gap + 1
     sides = (margin, margin, margin, margin)
@@ -65,9 +63,9 @@ def link_pixels(
     stride = free.shape[1]
     flags = (free > 0).ravel()
     starts = np.flatnonzero(flags)  # much faster than Numba's
-    at, offsets, closed = _link(flags.view(np.int8), starts, gx.ravel(), gy.ravel(), stride, min_length, max_gap)
+    at, offsets = _link(flags.view(np.int8), starts, gx.ravel(), gy.ravel(), stride, min_length, max_gap)
     # Row by row the margin falls away.
-    return at - at // stride * (2 * margin) - margin * (pixels.shape[1] + 1), offsets, closed
+    return at - at // stride * (2 * margin) - margin * (pixels.shape[1] + 1), offsets
 
 
 _AHEAD_DX, _AHEAD_DY = _steps_ahead()
@@ -160,7 +158,7 @@ def _walk(free, gx, gy, at, sign, stride, max_gap, out, count, begin):  # type: 
 def _link(free, starts, gx, gy, stride, min_length, max_gap):  # type: ignore[no-untyped-def]
     """See :func:`link_pixels`; all arrays flat and with a margin. ``free``, not 0 at ``starts``, is used up."""
     order, buffer = np.empty(len(starts), np.int64), np.empty(len(starts), np.int64)
-    offsets, closed = [0], [False]
+    offsets = [0]
     n = 0
     for start in starts:
         if not free[start]:
@@ -176,11 +174,8 @@ def _link(free, starts, gx, gy, stride, min_length, max_gap):  # type: ignore[no
         if n - first < min_length:
             n = first
             continue
-        head, tail = order[first], order[n - 1]
-        gap = max(abs(head // stride - tail // stride), abs(head % stride - tail % stride))
         offsets.append(n)
-        closed.append(gap <= max_gap + 1 and n - first >= _MIN_CLOSED)
-    return order[:n].copy(), np.array(offsets), np.array(closed)[1:]
+    return order[:n].copy(), np.array(offsets)
 
 
 @njit(cache=True)
@@ -208,7 +203,7 @@ def localise(order, gx, gy):  # type: ignore[no-untyped-def]
     height, width = gx.shape
     flat_x, flat_y = gx.ravel(), gy.ravel()
     n, rows_per_pixel = len(order), 1 / width
-    points, gradients, magnitudes = np.empty((n, 2)), np.empty((n, 2)), np.empty(n)
+    points, gradients = np.empty((n, 2)), np.empty((n, 2))
     for k in range(n):
         at = order[k]
         y = int((at + 0.5) * rows_per_pixel)  # the quotient of whole numbers takes several times as long
@@ -223,5 +218,4 @@ def localise(order, gx, gy):  # type: ignore[no-untyped-def]
         shift = min(max(shift, -0.75), 0.75)
         points[k, 0], points[k, 1] = x + shift * ux, y + shift * uy
         gradients[k, 0], gradients[k, 1] = ux, uy
-        magnitudes[k] = middle
-    return points, gradients, magnitudes
+    return points, gradients

@@ -10,6 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.frozen import frozen_arrays
+
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
@@ -23,6 +25,7 @@ _STEP_PX = 0.5
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class EdgeField:
     """For every pixel, how far the nearest edge is and which way it faces.
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from vision.edges.edge_map import EdgeMap
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.grouping.fragment_measures import measure_parts
 from vision.settings import NOT_NEGATIVE, POSITIVE, check
 
@@ -50,6 +51,7 @@ class FragmentParameters:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Fragment:
     """A smooth convex arc of one chain.
 
@@ -73,17 +75,6 @@ class Fragment:
     grey_inside: float
     grey_outside: float
 
-    def __post_init__(self) -> None:
-        for name in ("points", "gradients", "centre_of_mass"):
-            array = np.asarray(getattr(self, name), dtype=float).view()
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        values = (self.points, self.gradients, self.start, self.inside_brighter, self.centre_of_mass)
-        return (Fragment, (*values, self.turn_rad, self.grey_inside, self.grey_outside))
-
     @property
     def endpoints(self) -> Array:
         """(2, 2) first and last point."""
@@ -91,6 +82,7 @@ class Fragment:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class FragmentTable:
     """All fragments of an image as columns: what the pairwise constraints read.
 

@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.edges.edge_map import EdgeMap
+from vision.frozen import frozen_arrays
 from vision.geometry.focal_form import fit_algebraic, norm2, signed_distance
 from vision.grouping.fragments import FragmentTable
 
@@ -40,6 +41,7 @@ class PairConstraints:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Representatives:
     """Equally spaced points of every fragment.
 

@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Ellipse, focal_residual
 from vision.geometry.focal_form import norm2
 from vision.settings import NOT_NEGATIVE, POSITIVE, check, count
@@ -146,6 +147,7 @@ class FilterParameters:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class FilterResult:
     """What the filter found.
 

@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.features import EllipseFeature
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View, camera_arrays
 from vision.geometry.circle import circle_candidates, plane_axes
 from vision.geometry.ellipse import conic_matrices
@@ -32,6 +33,7 @@ PARALLEL_RAD = np.radians(8.0)
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Candidates:
     """Candidate poses up to the rotation about the part's axis.
 

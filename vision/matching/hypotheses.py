@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.extraction import Arc
+from vision.frozen import frozen_arrays
 from vision.geometry.workspace import Workspace
 from vision.matching.arcs import MOST_UNEXPLAINED, arc_poses
 from vision.matching.candidates import Candidates
@@ -26,6 +27,7 @@ Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class HypothesisPool:
     """N hypotheses.
 
@@ -129,7 +131,8 @@ class Development:
 
     def of_candidates(self, candidates: Candidates, table: EllipseTable) -> HypothesisPool:
         """Refine candidates on their matched ellipses, match again, and weigh their circles about the axis."""
-        poses, matches = candidates.poses(), candidates.matches
+        # A copy, for the compiled loops take read-only arrays for another type, and would be compiled twice.
+        poses, matches = candidates.poses(), candidates.matches.copy()
         cameras, circles = self.scene.cameras, self.circles.arrays
         good = np.ones(len(poses), bool)
         for _ in range(2):

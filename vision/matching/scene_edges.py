@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from vision.edges.edge_field import EdgeField
 from vision.extraction import Arc
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View, camera_arrays
 from vision.matching.edge_support import claim_edges, share_claimed, tally_support
 from vision.matching.parameters import CONFIRMATION, ConfirmationParameters
@@ -30,6 +31,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Evidence:
     """The edge support of posed models.
 
@@ -203,7 +205,8 @@ class SceneEdges:
         shape = (len(poses), len(self.views), len(contour.circle_weight))
         total, count = np.zeros(shape), np.zeros((*shape, 2))
         edges = (self._distance, self._direction, self._cover)
-        tally_support(np.ascontiguousarray(poses), self.cameras, contour.samples, edges, reach_px, total, count)
+        poses = np.array(poses, order="C")  # writable, so that the loops are compiled for one type alone
+        tally_support(poses, self.cameras, contour.samples, edges, reach_px, total, count)
         return total, count
 
 

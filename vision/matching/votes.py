@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.features import EllipseFeature
+from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import geometric_parameters
 from vision.pose.observations import POINTS_PER_ELLIPSE
 
@@ -126,6 +127,7 @@ def _tally_votes(poses, cameras, circles, ellipses, votes, matches):  # type: ig
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class EllipseTable:
     """All ellipses, those of the first view first.
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.model.vision_model import Role, VisionModel
 
 Array = NDArray[np.float64]
@@ -72,6 +73,7 @@ def features_supported(
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class PoseEstimate:
     """Where a part is, as far as the images tell.
 
@@ -102,9 +104,4 @@ class PoseEstimate:
         covariance = np.array(self.covariance, dtype=np.float64)
         if covariance.shape != (6, 6):
             raise InputError("covariance of a pose", got=f"shape {covariance.shape}", expected="(6, 6)")
-        covariance.flags.writeable = False
         object.__setattr__(self, "covariance", covariance)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the covariance stays read-only."""
-        return (PoseEstimate, tuple(getattr(self, field.name) for field in fields(self)))

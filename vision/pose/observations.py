@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from vision.edges.edge_field import EdgeField, edge_along, profile_weights
 from vision.features import EllipseFeature
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.model.contour import ModelContour
 from vision.model.projection import BORDER_PX, chain, project_samples
@@ -133,6 +134,7 @@ def _image_normals(points: Array, tangents: Array, T_camera_part: Array, fx: flo
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Observations:
     """Edge points matched to points of the model.
 

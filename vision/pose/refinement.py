@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View, camera_arrays
 from vision.model.projection import moved, rotated
 from vision.pose.calibration import EXACT, CalibrationError
@@ -22,6 +23,7 @@ LEAST_CURVATURE = 0.1  # of the cost, over that of the normal matrix
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Refinement:
     """The outcome of a refinement: 4x4 pose, covariance as in PoseEstimate, residuals in sigma, weights 0 to 1."""
 

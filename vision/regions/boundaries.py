@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.edges.peaks import log_peak, slope_across
+from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Array
 from vision.regions.attributes import Contour
 
@@ -21,6 +22,7 @@ _PROFILE = np.arange(-2.0, 5.0)
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Boundaries:
     """Sub-pixel edge points of contours of regions, in order along each, one contour after the other.
 

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Array
 from vision.geometry.ellipse_fit import refine_ellipse
 from vision.regions.boundaries import Boundaries
@@ -41,6 +42,7 @@ class Limits(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class BoundaryEllipses:
     """The ellipses on boundaries, in the order of these.
 

@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.settings import NOT_NEGATIVE, check, count
 
 Labels = NDArray[np.int32]
@@ -43,6 +44,7 @@ class SplitAndMerge:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Quadtree:
     """The leaves of a split image: squares that cover every pixel exactly once.
 
@@ -65,14 +67,6 @@ class Quadtree:
     is_edge: NDArray[np.bool_]
     grey_sum: NDArray[np.float64]
     grey_square_sum: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        for a in vars(self).values():
-            a.flags.writeable = False
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Quadtree, tuple(vars(self).values()))
 
     def __len__(self) -> int:
         return len(self.x)

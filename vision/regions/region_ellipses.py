@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from vision.errors import InputError
 from vision.features import EllipseFeature
-from vision.geometry.ellipse import Array, Ellipse
+from vision.geometry.ellipse import Ellipse
 from vision.regions.attributes import AttributeConstraints
 from vision.regions.boundaries import refine_boundaries
-from vision.regions.boundary_ellipses import Limits, covered, find_ellipses
+from vision.regions.boundary_ellipses import Limits, find_ellipses
 from vision.regions.segmentation import Region, RegionGrowing, Segmentation, check_gray, gradient, segment
 from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, check, count
 
@@ -23,7 +23,6 @@ __all__ = [
     "Region",
     "RegionGrowing",
     "Segmentation",
-    "circumference_covered",
     "region_ellipses",
     "segment",
 ]
@@ -127,11 +126,6 @@ def region_ellipses(
         )
         for i in best_first[_is_distinct(found.geometric[best_first])]
     ]
-
-
-def circumference_covered(ellipse: Ellipse, points: Array, cell_px: float = 6.0) -> float:
-    """The part of the circumference, cut into cells of about the given length, that has points (N, 2) near it."""
-    return float(covered(ellipse.geometric, np.asarray(points, dtype=float), cell_px))
 
 
 @njit(cache=True)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from vision.errors import InputError
 from vision.features import RegionAttributes
+from vision.frozen import frozen_arrays, read_only
 from vision.regions.attributes import AttributeConstraints, Contour, measure_shape
 from vision.regions.contours import trace_contours
 from vision.regions.edge_gaps import link_edges
@@ -44,6 +45,7 @@ class RegionGrowing:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Region:
     """A connected homogeneous region without edge pixels.
 
@@ -63,17 +65,9 @@ class Region:
     holes: tuple[Contour, ...]
     leaves: NDArray[np.intp]
 
-    def __post_init__(self) -> None:
-        arrays: tuple[NDArray, ...] = (self.contour, *self.holes, self.leaves)
-        for a in arrays:
-            a.flags.writeable = False
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Region, (self.label, self.attributes, self.box, self.contour, self.holes, self.leaves))
-
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Segmentation:
     """An image divided into regions and the boundaries between them.
 
@@ -90,19 +84,10 @@ class Segmentation:
     leaf_labels: Labels
     edges: NDArray[np.bool_]
 
-    def __post_init__(self) -> None:
-        arrays: tuple[NDArray, ...] = (self.labels, self.leaf_labels, self.edges)
-        for a in arrays:
-            a.flags.writeable = False
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Segmentation, (self.labels, self.tree, self.leaf_labels, self.edges))
-
     @cached_property
     def leaves(self) -> Labels:
         """(N, 4) int32 x, y, size and label of each leaf, as drawn in Fig. 7 a."""
-        return np.column_stack([self.tree.x, self.tree.y, self.tree.size, self.leaf_labels])
+        return read_only(np.column_stack([self.tree.x, self.tree.y, self.tree.size, self.leaf_labels]))
 
     @cached_property
     def regions(self) -> tuple[Region, ...]:
@@ -178,6 +163,7 @@ def canny(gray: NDArray[np.uint8], settings: RegionGrowing) -> NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class _Sums:
     """What the leaves of each label add up to; all but the first two have one entry or row for each label from 0.
 

@@ -10,7 +10,8 @@ import numpy as np
 from vision.errors import InputError
 from vision.extraction import ExtractionThresholds
 from vision.features import Process
-from vision.model.vision_model import BoreCoordinates, GraspCoordinates, Role
+from vision.model.grasp import BoreCoordinates, GraspCoordinates
+from vision.model.vision_model import Role
 from vision.teaching import events as ev
 from vision.teaching.lesson import Lesson, TaughtFeature
 from vision.teaching.snapping import MINIMUM_CLICKS

@@ -15,7 +15,8 @@ from scipy.spatial.transform import RigidTransform
 from vision.extraction import ExtractionThresholds
 from vision.features import Process
 from vision.geometry.camera import rigid_transform
-from vision.model.vision_model import GraspKind, Role
+from vision.model.grasp import GraspKind
+from vision.model.vision_model import Role
 
 Matrix = tuple[tuple[float, ...], ...]
 """A pose as four rows of four numbers."""

@@ -12,17 +12,12 @@ from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
 from vision.extraction import ExtractionThresholds
 from vision.features import EllipseFeature, Process
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse, overlap
-from vision.model.vision_model import (
-    AttributeRange,
-    BoreCoordinates,
-    CircleFeature,
-    GraspCoordinates,
-    Role,
-    VisionModel,
-)
+from vision.model.grasp import BoreCoordinates, GraspCoordinates
+from vision.model.vision_model import AttributeRange, CircleFeature, Role, VisionModel
 from vision.teaching.pattern import learn_patterns
 from vision.teaching.settling import settle
 from vision.teaching.snapping import snap_to_edge
@@ -34,6 +29,7 @@ SAME_FEATURE_OVERLAP = 0.8
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class TaughtFeature:
     """One feature as the person marked it.
 

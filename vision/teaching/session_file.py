@@ -16,8 +16,9 @@ from typing import Any, get_args
 from vision.errors import FileFormatError, InputError
 from vision.features import Process
 from vision.files.json_reader import JsonValue, parse, read_text
+from vision.model.grasp import GraspKind
 from vision.model.model_file import thresholds_from, thresholds_to_dict
-from vision.model.vision_model import GraspKind, Role, VisionModel
+from vision.model.vision_model import Role, VisionModel
 from vision.teaching import events as ev
 from vision.teaching.session import Session, ViewDigest, build_model
 from vision.teaching.view_directory import load_views

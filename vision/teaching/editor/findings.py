@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse
@@ -32,6 +33,7 @@ MOST_CLICKS = 40  # more are no clicks, and need no suspicion
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Mark:
     """The marks of a feature in one view.
 

@@ -208,6 +208,11 @@ class Workshop:
         if self.inspector.settle(self.document.features):
             self.tell()
 
+    @property
+    def pose_complaint(self) -> str:
+        """How the pictures contradict the poses of the views; "" where they do not, or before that is known."""
+        return self.extraction.pose_complaint
+
     def stored_since(self, count: int) -> list[str]:
         """The acts that are on the disk, without the first ones; pages drop them from their queues."""
         return self._stored[count:]
@@ -229,7 +234,7 @@ class Workshop:
     async def run(self) -> None:
         """Serve the pages: keep the overlays up to date with the document's thresholds, as long as the loop runs."""
         self._loop = asyncio.get_running_loop()
-        await self.extraction.keep_up(lambda: self.document.thresholds, self.tell)
+        await self.extraction.keep_up(lambda: self.document.thresholds, self.tell, lambda: self.document.diameter_m)
 
     @property
     def overlay_tags(self) -> dict[int, str]:
