@@ -158,22 +158,40 @@ def normalized_error(
 ) -> NormalizedError | None:
     """The error of a pose, squared, in units of the covariance that came with it.
 
-    The error has the order and the frame of ``PoseEstimate.covariance``: the translation and then the rotation
-    vector that lead from the true pose to the estimate, both in the world frame and about the part's
-    origin. Of the poses that look the same, the nearest one is the true pose.
-
     Args:
         T_world_estimate: the estimated pose.
         covariance: (6, 6) of the estimate, metres and radians.
         T_world_truth: the true pose.
         symmetry: of the part about its z axis.
-        inplane_known: False leaves the rotation about the estimated axis out, as a continuous symmetry does.
+        inplane_known: as of :func:`error_vector`.
 
     Returns:
         None where the covariance is not (6, 6), finite, symmetric and positive definite.
     """
     if np.shape(covariance) != (6, 6):
         return None
+    error, counted = error_vector(T_world_estimate, T_world_truth, symmetry, inplane_known=inplane_known)
+    squared = _squared_in_units_of(counted.T @ covariance @ counted, counted.T @ error)
+    return None if squared is None else NormalizedError(squared, counted.shape[1])
+
+
+def error_vector(
+    T_world_estimate: RigidTransform, T_world_truth: RigidTransform, symmetry: SymmetryLike, *, inplane_known: bool
+) -> tuple[Array, Array]:
+    """The error of a pose in the order and the frame of ``PoseEstimate.covariance``.
+
+    That is, the translation and then the rotation vector that lead from the true pose to the estimate, both in the
+    world frame and about the part's origin. Of the poses that look the same, the nearest one is the true pose.
+
+    Args:
+        T_world_estimate: the estimated pose.
+        T_world_truth: the true pose.
+        symmetry: of the part about its z axis.
+        inplane_known: False leaves the rotation about the estimated axis out, as a continuous symmetry does.
+
+    Returns:
+        The error (6,) in metres and radians, and the K directions (6, K) in which it counts, orthonormal.
+    """
     whole = inplane_known and symmetry.fold is not None
     T_truth_estimate = T_world_truth.inv() * T_world_estimate
     nearest = _nearest(symmetry.fold if whole else None, T_truth_estimate.rotation)
@@ -183,8 +201,7 @@ def normalized_error(
     if not whole:
         across_axis = T_world_estimate.rotation.as_matrix()[:, :2]
         counted = np.block([[np.eye(3), np.zeros((3, 2))], [np.zeros((3, 3)), across_axis]])
-    squared = _squared_in_units_of(counted.T @ covariance @ counted, counted.T @ error)
-    return None if squared is None else NormalizedError(squared, counted.shape[1])
+    return error, counted
 
 
 def is_inside_ellipsoid(error: NormalizedError) -> bool:

@@ -54,8 +54,10 @@ def candidates_of(drawing: Drawing) -> Candidates:
     if len(table) == 0:
         return Candidates(np.empty((0, 5)), np.empty((0, len(TERMS))), np.empty(0, bool))
     ps, quality = walked_ellipses(table, edges, EdgeArrays.of(edges), EVERYTHING)
-    is_true = np.array([_is_any_of(Ellipse(p), drawing.ellipses) for p in ps], bool)
-    counts = is_true | [not _is_any_of(Ellipse(p), drawing.tolerated) for p in ps]
+    is_true, may_be = (
+        np.array([_is_any_of(Ellipse(p), asked) for p in ps], bool) for asked in (drawing.ellipses, drawing.tolerated)
+    )
+    counts = is_true | ~may_be
     return Candidates(ps[counts], _terms(quality[counts]), is_true[counts])
 
 

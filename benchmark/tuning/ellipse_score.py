@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import expit
 
+from benchmark.commands.common import print_line
 from benchmark.detector.drawings import CATEGORIES, RENDERED, SPLITS, Drawing, draw
 from benchmark.detector.evaluate import Tally, drawable, judge
 from benchmark.report.grid import NOTHING, Grid
 from benchmark.seeds import PICTURES
 from benchmark.tuning.candidates import TERMS, Candidates, candidates_of
-from benchmark.tuning.options import Report, run, seeds_in_words
+from benchmark.tuning.options import Report, Size, run, seeds_in_words
 from vision import detect_ellipses
 from vision.frozen import frozen_arrays
 from vision.grouping.edge_grouping import GroupingParameters
@@ -31,7 +32,9 @@ from vision.grouping.score import DEFAULT_WEIGHTS, ScoreWeights
 
 Array = NDArray[np.float64]
 
+USES = ("tuning", "validation")
 NUMBER = 40  # pictures of each kind, for the fit and for the validation
+QUICK_KINDS = ("complete", "concentric", "occluded")
 HELD = ("direction", "error")
 LEAST_SCORES = (0.25, 0.33, 0.4, 0.45, 0.5)
 RESAMPLES = 2000
@@ -57,6 +60,7 @@ class Outcome:
 
 def pictures(use: str, number: int, kinds: Sequence[str]) -> list[Drawing]:
     """The first pictures of each kind for "tuning" or "validation"."""
+    print_line(f"drawing {use} pictures")
     first = PICTURES[use].start - SPLITS["tune"]
     return [draw("tune", kind, first + k) for kind in kinds for k in range(number)]
 
@@ -139,10 +143,10 @@ def f_difference(ours: Sequence[Tally], theirs: Sequence[Tally]) -> tuple[float,
     return sum(ours, Tally()).f_measure - sum(theirs, Tally()).f_measure, float(low), float(high)
 
 
-def measure(number: int) -> Report:
+def measure(size: Size) -> Report:
     """Fit and evaluate on so many pictures of each kind."""
-    kinds = drawable(CATEGORIES)
-    tuning, validation = (pictures(use, number, kinds) for use in ("tuning", "validation"))
+    kinds = QUICK_KINDS if size.quick else drawable(CATEGORIES)
+    tuning, validation = (pictures(use, size.number, kinds) for use in USES)
     fitted_on, held_against = ([candidates_of(d) for d in drawings] for drawings in (tuning, validation))
     sets = {
         "in the code": DEFAULT_WEIGHTS,
@@ -151,11 +155,12 @@ def measure(number: int) -> Report:
     }
     for weights in sets.values():
         detect(tuning[0], weights, LEAST_SCORES[0])  # compile first
+    print_line("detecting")
     outcomes = [evaluate(name, weights, tuning, validation, held_against) for name, weights in sets.items()]
     walked = sum(len(c.is_true) for c in fitted_on)
     lines = (
         f"{len(tuning)} pictures for the fit, with {walked} candidates, and {len(validation)} for the validation.",
-        seeds_in_words("Pictures of each kind", {u: PICTURES[u][:number] for u in ("tuning", "validation")}),
+        seeds_in_words("Pictures of each kind", {use: PICTURES[use][: size.number] for use in USES}),
     )
     return Report((weights_grid(sets), outcome_grid(outcomes, [d.category for d in validation])), lines)
 

@@ -26,24 +26,37 @@ class Report:
     lines: tuple[str, ...]
 
 
-def run(description: str, number: int, measure: Callable[[int], Report], arguments: Sequence[str] | None) -> None:
+@dataclass(frozen=True)
+class Size:
+    """How much to run.
+
+    Attributes:
+        number: pictures of each kind, or scenes of each part.
+        quick: only a few kinds or one part, to see that it runs; the figures mean nothing then.
+    """
+
+    number: int
+    quick: bool = False
+
+
+def run(description: str, number: int, measure: Callable[[Size], Report], arguments: Sequence[str] | None) -> None:
     """Run a script from the command line.
 
     Args:
         description: what it does.
         number: pictures of each kind, or scenes of each part, in a full run.
-        measure: makes the report from such a number.
+        measure: makes the report.
         arguments: of the command line; None for the process's own.
     """
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--number", type=_positive, default=number, help="pictures of each kind, or scenes of a part")
-    parser.add_argument("--quick", action="store_true", help="only one of each: to see that it runs")
+    parser.add_argument("--quick", action="store_true", help="one of a few, only to see that it runs")
     parser.add_argument("--format", default="text", choices=("text", "md"), help="md for Markdown")
     chosen = parser.parse_args(arguments)
     cv2.setNumThreads(1)
     try:
         prepare_process()
-        report = measure(1 if chosen.quick else chosen.number)
+        report = measure(Size(1, quick=True) if chosen.quick else Size(chosen.number))
     except FocalpickError as error:
         parser.exit(2, f"{error}\n")
     if chosen.format == "md":

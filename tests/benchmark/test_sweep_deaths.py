@@ -169,7 +169,6 @@ def test_workers_killed_at_random_change_no_record(tmp_path: Path) -> None:
 INTERRUPTED = """
 import functools, os, signal, sys, time
 from pathlib import Path
-sys.path.insert(0, {root!r})
 from tests.benchmark.test_sweep_deaths import CONFIG, always, kill_myself
 from benchmark.episodes.sweep import run_sweep
 
@@ -190,7 +189,7 @@ if __name__ == "__main__":
 @pytest.mark.slow
 @pytest.mark.parametrize("presses", [1, 2])
 def test_ctrl_c_ends_stopped_workers_too(tmp_path: Path, presses: int) -> None:
-    with started(INTERRUPTED.format(root=str(ROOT)), tmp_path) as (process, children):
+    with started(INTERRUPTED, tmp_path) as (process, children):
         for _ in range(presses):
             process.send_signal(signal.SIGINT)
         process.wait(BOUND_S)
@@ -281,7 +280,14 @@ def output(program: str, directory: Path) -> str:
     script = directory / "program.py"
     script.write_text(program)
     command = [sys.executable, str(script), str(directory / "out")]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=BOUND_S)
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=BOUND_S,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )
     assert done.stderr == ""
     return done.stdout.strip()
 

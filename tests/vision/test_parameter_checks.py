@@ -15,7 +15,8 @@ from vision.grouping.edge_grouping import GroupingParameters
 from vision.grouping.fragments import FragmentParameters
 from vision.grouping.kalman_filter import FilterParameters
 from vision.grouping.score import DEFAULT_WEIGHTS, ScoreWeights
-from vision.matching.parameters import MatchingParameters
+from vision.matching.parameters import ConfirmationParameters, MatchingParameters
+from vision.pose.edge_errors import EdgeErrors
 from vision.regions.quadtree import SplitAndMerge
 from vision.regions.region_ellipses import BoundaryFit
 from vision.regions.segmentation import RegionGrowing
@@ -23,7 +24,7 @@ from vision.settings import POSITIVE, SHARE, Allowed, check, count
 
 SETTINGS = (
     *(EdgeParameters, FragmentParameters, FilterParameters, GroupingParameters, SplitAndMerge, RegionGrowing),
-    *(BoundaryFit, MatchingParameters, ExtractionThresholds),
+    *(BoundaryFit, MatchingParameters, ConfirmationParameters, EdgeErrors, ExtractionThresholds),
 )
 
 
@@ -82,6 +83,9 @@ def test_a_setting_may_be_a_number_of_numpy(settings, name, default):
         (MatchingParameters, {"reach_px": [2.5]}),
         (EdgeParameters, {"smoothing_px": (1.0,)}),
         (MatchingParameters, {"loose_reach_px": 1.0}),
+        (ConfirmationParameters, {"reach_px": 1.0}),
+        (ConfirmationParameters, {"least_shown": 0.0}),
+        (ConfirmationParameters, {"most_peaks": 0}),
         (MatchingParameters, {"depth_shares": (0.0, -1.0)}),
         (MatchingParameters, {"doubtful_scores": (0.6, 0.2)}),
         (MatchingParameters, {"doubtful_scores": (0.2, 0.4, 0.6)}),

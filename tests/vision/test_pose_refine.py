@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from vision.pose.edge_errors import USUAL
 from vision.pose.observations import Observations
-from vision.pose.refinement import SHIFT_SIGMA_PX, SWELL_SIGMA_PX, refine_pose
+from vision.pose.refinement import refine_pose
 
 SIGMA_PX = 0.3
 
@@ -79,9 +80,9 @@ def errors_of_edges(rng, sigma_px):
         total = rng.normal(scale=sigma_px, size=len(view))
         for v in np.unique(view):
             mine = view == v
-            total[mine] += normals[mine] @ rng.normal(scale=SHIFT_SIGMA_PX, size=2)
+            total[mine] += normals[mine] @ rng.normal(scale=USUAL.shift_px, size=2)
             for c in np.unique(circle[mine]):
-                total[mine & (circle == c)] += rng.normal(scale=SWELL_SIGMA_PX)
+                total[mine & (circle == c)] += rng.normal(scale=USUAL.swell_px)
         return total
 
     return draw

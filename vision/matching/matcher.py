@@ -54,7 +54,7 @@ class Matcher:
         self.views, self.model, self.workspace = views, model, workspace
         self.parameters = parameters or MatchingParameters()
         self.circles = SalientCircles.of(model)
-        self.scene = SceneEdges(views, fields)
+        self.scene = SceneEdges(views, fields, self.parameters.confirmation)
 
     def match(self, features: Features, arcs: Sequence[Sequence[Arc]] = ()) -> list[PoseEstimate]:
         """All instances of the part that the features and the edges support, best first.
@@ -220,6 +220,7 @@ class Matcher:
             iterations=len(reach),
             inplane=inplane,
             calibration=self.parameters.calibration,
+            edge_errors=self.parameters.edge_errors,
         )
 
     def _refined_on_ellipses(self, T: Array, matches: NDArray[np.intp], features: Features) -> Refinement | None:
@@ -232,4 +233,5 @@ class Matcher:
             iterations=4,
             inplane=False,
             calibration=self.parameters.calibration,
+            edge_errors=self.parameters.edge_errors,
         )
