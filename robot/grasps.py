@@ -61,7 +61,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class GraspSettings:
+class GraspParameters:
     """What counts as a good grasp.
 
     Attributes:

@@ -186,7 +186,7 @@ def test_every_package_is_read(package):
         ("vision/pose/refinement.py", "from scipy.optimize._lsq import trf"),
         ("vision/teaching/session.py", "import nicegui"),
         ("vision/regions/merging.py", "from vision.grouping import fragments"),
-        ("vision/grouping/score.py", "from vision.regions.quadtree import SplitAndMerge"),
+        ("vision/grouping/score.py", "from vision.regions.quadtree import SplitAndMergeParameters"),
         ("vision/matching/matcher.py", "from vision.regions.segmentation import segment"),
         ("vision/geometry/ellipse.py", "from vision.edges.edge_map import EdgeMap"),
         ("vision/localizer.py", "from vision.drawing.panel import Panel"),

@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from vision.pose.calibration import CalibrationError
     from vision.pose.estimate import FeatureSupport, PoseEstimate
     from vision.regions.attributes import AttributeConstraints
-    from vision.regions.quadtree import SplitAndMerge
-    from vision.regions.region_ellipses import BoundaryFit, region_ellipses
-    from vision.regions.segmentation import Region, RegionGrowing, Segmentation, segment
+    from vision.regions.quadtree import SplitAndMergeParameters
+    from vision.regions.region_ellipses import BoundaryFitParameters, region_ellipses
+    from vision.regions.segmentation import Region, RegionGrowingParameters, Segmentation, segment
 
 kernel_cache.settle()  # before any module with kernels is imported
 
@@ -45,7 +45,7 @@ __all__ = [
     "AttributeConstraints",
     "AttributeRange",
     "BoreCoordinates",
-    "BoundaryFit",
+    "BoundaryFitParameters",
     "CalibrationError",
     "Camera",
     "Circle",
@@ -75,10 +75,10 @@ __all__ = [
     "PoseReading",
     "Region",
     "RegionAttributes",
-    "RegionGrowing",
+    "RegionGrowingParameters",
     "ResourceError",
     "Segmentation",
-    "SplitAndMerge",
+    "SplitAndMergeParameters",
     "View",
     "VisionModel",
     "Workspace",
@@ -176,14 +176,14 @@ _NAMES = {
         "PoseEstimate",
     ),
     "regions.attributes": ("AttributeConstraints",),
-    "regions.quadtree": ("SplitAndMerge",),
+    "regions.quadtree": ("SplitAndMergeParameters",),
     "regions.region_ellipses": (
-        "BoundaryFit",
+        "BoundaryFitParameters",
         "region_ellipses",
     ),
     "regions.segmentation": (
         "Region",
-        "RegionGrowing",
+        "RegionGrowingParameters",
         "Segmentation",
         "segment",
     ),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Ellipse
 
-Process = Literal["region", "group"]
+Extractor = Literal["region", "group"]
 
 
 @dataclass(frozen=True)
@@ -42,15 +42,15 @@ class EllipseFeature:
 
     Attributes:
         ellipse: the fitted ellipse, with covariance.
-        process: which extractor found it.
+        extractor: which extractor found it.
         points: (N, 2) sub-pixel edge points that support it, pixels; read-only.
         support: the part of the circumference that edge points cover, 0 to 1.
-        score: goodness, higher is better, comparable within one process.
-        attributes: of the region inside, where the process measures them.
+        score: goodness, higher is better, comparable within one extractor.
+        attributes: of the region inside, where the extractor measures them.
     """
 
     ellipse: Ellipse
-    process: Process
+    extractor: Extractor
     points: NDArray[np.float64]
     support: float
     score: float

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich import box
 from rich.table import Table
 
-from benchmark.records.episode_record import EpisodeRecord, PickRecord, PieceRecord, ProcessResult
+from benchmark.records.episode_record import EpisodeRecord, LocalizerResult, PickRecord, PieceRecord
 from benchmark.report.grid import NOTHING
 
 
@@ -47,7 +47,7 @@ def _pick_line(pick: PickRecord) -> str:
 
 
 def _result(piece: PieceRecord, method: str) -> str:
-    result: ProcessResult | None = piece.results.get(method)
+    result: LocalizerResult | None = piece.results.get(method)
     if result is None:
         return NOTHING
     if result.matched and result.errors is not None:

@@ -25,7 +25,7 @@ from benchmark.world.scene import CellConfig
 from robot.errors import UnreachableError
 from robot.grasp_opening import opened_grasps
 from robot.grasping import plan_grasp
-from robot.grasps import GraspChoice, GraspPlan, GraspSettings, OpenedGrasp, Piece
+from robot.grasps import GraspChoice, GraspParameters, GraspPlan, OpenedGrasp, Piece
 from robot.gripper import Gripper
 from robot.gripper_geometry import Boxes, GripperGeometry
 from robot.trajectory import Trajectory, cartesian_line, joint_trajectory
@@ -101,11 +101,11 @@ class Picker:
         """The best collision-free grasp of any localised piece that the arm can reach and bring to the tray."""
         config = self._cell.config
         largest = max(get_part(name).diameter_m for name in config.part_names)
-        settings = GraspSettings(approach_m=config.bin_wall_m + 0.03, lift_m=config.bin_wall_m + 0.6 * largest)
+        parameters = GraspParameters(approach_m=config.bin_wall_m + 0.03, lift_m=config.bin_wall_m + 0.6 * largest)
         pieces = [
             Piece(
                 e.T_world_part,
-                opened_grasps_of(e.part, config.gripper_xml, settings.approach_m, self._models),
+                opened_grasps_of(e.part, config.gripper_xml, parameters.approach_m, self._models),
                 surface_points(e.part),
                 _confidence(e),
             )
@@ -117,7 +117,7 @@ class Picker:
             pieces,
             bin_boxes(config),
             self._cell.arm.joint_positions,
-            settings,
+            parameters,
             lambda plan: self._placing(plan, estimates[plan.piece].part) is not None,
         )
 

@@ -65,4 +65,4 @@ def with_answers_alone(
     paper = localizer.inner if isinstance(localizer, WatchedLocalizer) else localizer
     if not isinstance(paper, EllipseLocalizer):
         return localization
-    return replace(localization, by_process=paper.alone(views, localization, workspace))
+    return replace(localization, by_extractor=paper.alone(views, localization, workspace))

@@ -62,13 +62,13 @@ class WatchedLocalizer:
     def _checked(self, answer: object, views: int) -> Localization:
         if not isinstance(answer, Localization):
             raise self._refused(_described(answer), "a vision.Localization, Localization(()) where nothing is found")
-        methods = {self.name: answer.estimates, **answer.by_process}
+        methods = {self.name: answer.estimates, **answer.by_extractor}
         for estimate in (estimate for found in methods.values() for estimate in found):
             self._check_estimate(estimate)
         if answer.features and len(answer.features) != views:
             raise self._refused(f"features of {len(answer.features)} views", f"those of {views} views, or none")
-        by_process = {name: tuple(found) for name, found in answer.by_process.items()}
-        return replace(answer, estimates=tuple(answer.estimates), by_process=by_process)
+        by_extractor = {name: tuple(found) for name, found in answer.by_extractor.items()}
+        return replace(answer, estimates=tuple(answer.estimates), by_extractor=by_extractor)
 
     def _check_estimate(self, estimate: object) -> None:
         if not isinstance(estimate, PoseEstimate):

@@ -85,7 +85,7 @@ class PoseOffset:
 
 
 @dataclass(frozen=True)
-class ProcessResult:
+class LocalizerResult:
     """What one localizer made of one piece.
 
     Attributes:
@@ -126,7 +126,7 @@ class PieceRecord:
     part: str
     visibility: float
     in_bin: bool
-    results: dict[str, ProcessResult]
+    results: dict[str, LocalizerResult]
     failed_stage: str | None = None
 
     def __post_init__(self) -> None:

@@ -143,9 +143,9 @@ class RerunLog(EpisodeObserver):
         """Log ellipses and poses, the errors of these, and the panels of every stage."""
         self._next_stage(f"{len(localization.estimates)} poses estimated")
         for index, features in enumerate(localization.features):
-            for process in ("region", "group"):
-                mine = [feature for feature in features if feature.process == process]
-                self._draw(f"{view_entity(index)}/ellipses/{process}", ellipse_strokes(mine))
+            for extractor in ("region", "group"):
+                mine = [feature for feature in features if feature.extractor == extractor]
+                self._draw(f"{view_entity(index)}/ellipses/{extractor}", ellipse_strokes(mine))
         for index, view in enumerate(self._views):
             self._draw(f"{view_entity(index)}/models", self._superimposed(localization.estimates, view))
             self.draw_stages(index, view, self._extractions[index], localization.estimates, self._localizer.models)

@@ -16,14 +16,14 @@ from benchmark import cli
 from benchmark.commands.progress import Pace, duration
 from benchmark.config import EpisodeConfig
 from benchmark.doctor import examine
-from benchmark.records.episode_record import EpisodeRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.records.episode_record import EpisodeRecord, LocalizerResult, PieceRecord, PoseErrors
 from benchmark.records.store import EPISODES_FILE
 
 SMALL = ("--scenes", "1", "--parts", "hub", "--workers", "1")
 
 
 def fake_episode(config: EpisodeConfig) -> EpisodeRecord:
-    result = ProcessResult(True, True, PoseErrors(0.5, 0.4, None, 0.4, 1.0))
+    result = LocalizerResult(True, True, PoseErrors(0.5, 0.4, None, 0.4, 1.0))
     results = {"region": result, "group": result, "dual": result}
     pieces = tuple(PieceRecord(i, config.parts[0], 0.9, True, results) for i in range(config.pieces))
     timings = {"drop": 0.5, "render": 0.25, "total": 2.0}

@@ -9,23 +9,23 @@ import pytest
 
 from benchmark.cli import main
 from benchmark.config import SweepConfig, episodes
-from benchmark.records.episode_record import EpisodeRecord, PieceRecord, PoseErrors, PoseOffset, ProcessResult
+from benchmark.records.episode_record import EpisodeRecord, LocalizerResult, PieceRecord, PoseErrors, PoseOffset
 from benchmark.records.store import RecordWriter
 from benchmark.report.comparison import Spread, compare
 from vision.errors import InputError
 
 SMALL = PoseErrors(0.1, 0.1, 0.1, 0.1, 0.2)
-MISSED = ProcessResult(True, False)
+MISSED = LocalizerResult(True, False)
 CONFIG = SweepConfig(parts=("hub", "cover1"), scenes=2)
 HUBS, COVERS, MORE_HUBS, _ = episodes(CONFIG)
 
 
-def at(x_mm: float = 0.0, tilt_deg: float = 0.0) -> ProcessResult:
+def at(x_mm: float = 0.0, tilt_deg: float = 0.0) -> LocalizerResult:
     """Matched, and so far from the true pose."""
-    return ProcessResult(True, True, SMALL, None, PoseOffset((x_mm, 0.0, 0.0), (tilt_deg, 0.0, 0.0)))
+    return LocalizerResult(True, True, SMALL, None, PoseOffset((x_mm, 0.0, 0.0), (tilt_deg, 0.0, 0.0)))
 
 
-def episode(*pieces: ProcessResult, config=HUBS, **changes: object) -> EpisodeRecord:
+def episode(*pieces: LocalizerResult, config=HUBS, **changes: object) -> EpisodeRecord:
     """One part's pieces, each as the localizer dual saw it."""
     records = tuple(
         PieceRecord(i, config.parts[0], 1.0, True, {"dual": result}, None) for i, result in enumerate(pieces)
@@ -71,7 +71,7 @@ def test_nothing_is_measured_where_nothing_was_matched_twice() -> None:
 
 
 def test_each_part_and_localizer_is_counted_by_itself() -> None:
-    def both(config, dual: ProcessResult, region: ProcessResult) -> EpisodeRecord:
+    def both(config, dual: LocalizerResult, region: LocalizerResult) -> EpisodeRecord:
         record = episode(dual, config=config)
         return replace(record, pieces=(replace(record.pieces[0], results={"dual": dual, "region": region}),))
 

@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 from benchmark.config import SweepConfig
 from benchmark.records.episode_record import (
     EpisodeRecord,
+    LocalizerResult,
     NormalizedError,
     PickRecord,
     PieceRecord,
     PoseErrors,
     PoseOffset,
-    ProcessResult,
     from_json,
     strip_timings,
     to_json,
@@ -37,7 +37,7 @@ RECORD = EpisodeRecord(
     seed=17,
     config_hash="abc",
     environment={"numpy": "2"},
-    pieces=(PieceRecord(0, "hub", 0.75, True, {"dual": ProcessResult(True, True, ERRORS)}, None),),
+    pieces=(PieceRecord(0, "hub", 0.75, True, {"dual": LocalizerResult(True, True, ERRORS)}, None),),
     picks=(PickRecord(True, 0, False, "grip", "rim"),),
     false_positives={"dual": 1},
     timings_s={"drop": 0.5, "total": 2.0},
@@ -47,8 +47,8 @@ texts = st.none() | st.text(max_size=8)
 lengths = st.floats(0, 1e6)
 errors = st.builds(PoseErrors, lengths, lengths, st.none() | lengths, lengths, lengths)
 vectors = st.tuples(*3 * [st.floats(-1e6, 1e6)])
-results = st.builds(ProcessResult, st.booleans(), st.just(False)) | st.builds(
-    ProcessResult,
+results = st.builds(LocalizerResult, st.booleans(), st.just(False)) | st.builds(
+    LocalizerResult,
     st.booleans(),
     st.booleans(),
     errors,

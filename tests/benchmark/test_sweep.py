@@ -17,10 +17,10 @@ from benchmark.config import EpisodeConfig, SweepConfig, episodes, preset
 from benchmark.episodes.sweep import SweepInterruptedError, run_sweep
 from benchmark.records.episode_record import (
     EpisodeRecord,
+    LocalizerResult,
     PickRecord,
     PieceRecord,
     PoseErrors,
-    ProcessResult,
     strip_timings,
 )
 from benchmark.records.store import EPISODES_FILE, read_records
@@ -38,7 +38,7 @@ def fake_episode(config: EpisodeConfig) -> EpisodeRecord:
         for name in ("region", "group", "dual"):
             matched = bool(rng.random() < 0.8)
             errors = PoseErrors(*rng.random(2), None, *rng.random(2)) if matched else None
-            results[name] = ProcessResult(matched or bool(rng.random() < 0.5), matched, errors)
+            results[name] = LocalizerResult(matched or bool(rng.random() < 0.5), matched, errors)
         pieces.append(PieceRecord(index, config.parts[0], float(rng.random()), True, results))
     return EpisodeRecord(
         key=config.key,

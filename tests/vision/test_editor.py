@@ -158,7 +158,7 @@ def test_guide_predicts_the_ellipse_in_the_next_view(views, inspector, outline):
 
 def test_overlay_shows_what_both_extractors_found(views, inspector, outline):
     overlay = make_overlay(views[0].gray, ExtractionThresholds())
-    assert {c["process"] for c in overlay["candidates"]} == {"region", "group"}
+    assert {c["extractor"] for c in overlay["candidates"]} == {"region", "group"}
     assert len(overlay["endpoints"]) == 2 * len(overlay["fragments"])
     assert max(number for group in overlay["groups"] for number in group) < len(overlay["fragments"])
     finding = find(inspector, marked(views, outline, (0, 1)))
@@ -179,7 +179,7 @@ def test_other_thresholds_have_another_tag():
         ({"kind": "move", "view": 2, "index": 1, "x": 1, "y": 3}, ev.MovePoint("f1", 2, 1, 1.0, 3.0)),
         ({"kind": "remove", "view": 0, "index": 4}, ev.RemovePoint("f1", 0, 4)),
         (
-            {"kind": "choose", "view": 0, "process": "group", "ellipse": [1, 2, 5, 4, 0]},
+            {"kind": "choose", "view": 0, "extractor": "group", "ellipse": [1, 2, 5, 4, 0]},
             ev.ChooseCandidate("f1", 0, "group", (1.0, 2.0, 5.0, 4.0, 0.0)),
         ),
     ],

@@ -117,7 +117,7 @@ def test_an_occluded_ellipse_is_put_together_from_its_fragments():
     assert overlap(best.ellipse, truth) > 0.97
     members = grouping.groups[grouping.features.index(best)]
     assert len(members) >= 2
-    assert best.process == "group"
+    assert best.extractor == "group"
     assert 0.5 < best.support < 0.95
     assert 0 <= best.score <= 1
 

@@ -64,7 +64,7 @@ def test_every_plate_is_found_once_and_in_place(joint, plate, scene, photograph)
         assert nearest.views == 3
         assert nearest.score > 0.9
         assert nearest.part == "plate"
-        assert nearest.process == "group"
+        assert nearest.extractor == "group"
 
 
 def test_a_plate_on_its_face_is_found_so_and_its_turn_is_unknown(plate, photograph, pose):

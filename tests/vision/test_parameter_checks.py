@@ -17,14 +17,21 @@ from vision.grouping.kalman_filter import FilterParameters
 from vision.grouping.score import DEFAULT_WEIGHTS, ScoreWeights
 from vision.matching.parameters import ConfirmationParameters, MatchingParameters
 from vision.pose.edge_errors import EdgeErrors
-from vision.regions.quadtree import SplitAndMerge
-from vision.regions.region_ellipses import BoundaryFit
-from vision.regions.segmentation import RegionGrowing
+from vision.regions.quadtree import SplitAndMergeParameters
+from vision.regions.region_ellipses import BoundaryFitParameters
+from vision.regions.segmentation import RegionGrowingParameters
 from vision.settings import POSITIVE, SHARE, Allowed, check, count
 
 SETTINGS = (
-    *(EdgeParameters, FragmentParameters, FilterParameters, GroupingParameters, SplitAndMerge, RegionGrowing),
-    *(BoundaryFit, MatchingParameters, ConfirmationParameters, EdgeErrors, ExtractionThresholds),
+    *(
+        EdgeParameters,
+        FragmentParameters,
+        FilterParameters,
+        GroupingParameters,
+        SplitAndMergeParameters,
+        RegionGrowingParameters,
+    ),
+    *(BoundaryFitParameters, MatchingParameters, ConfirmationParameters, EdgeErrors, ExtractionThresholds),
 )
 
 
@@ -89,8 +96,8 @@ def test_a_setting_may_be_a_number_of_numpy(settings, name, default):
         (MatchingParameters, {"depth_shares": (0.0, -1.0)}),
         (MatchingParameters, {"doubtful_scores": (0.6, 0.2)}),
         (MatchingParameters, {"doubtful_scores": (0.2, 0.4, 0.6)}),
-        (RegionGrowing, {"gap_px": 1.5}),
-        (BoundaryFit, {"min_axis_ratio": 1.5}),
+        (RegionGrowingParameters, {"gap_px": 1.5}),
+        (BoundaryFitParameters, {"min_axis_ratio": 1.5}),
     ],
     ids=str,
 )

@@ -15,8 +15,8 @@ from vision.geometry.ellipse_fit import fit_ellipse
 from vision.regions.boundary_ellipses import covered
 from vision.regions.region_ellipses import (
     AttributeConstraints,
-    BoundaryFit,
-    RegionGrowing,
+    BoundaryFitParameters,
+    RegionGrowingParameters,
     region_ellipses,
     segment,
 )
@@ -130,7 +130,7 @@ def test_a_clean_ellipse_is_found_to_a_twentieth_of_a_pixel(shape):
     error = features[0].ellipse.geometric[:4] - shape[:4]
     assert np.abs(error[:2]).max() < 0.05
     assert np.abs(error[2:]).max() < 0.1
-    assert features[0].process == "region"
+    assert features[0].extractor == "region"
     assert features[0].support > 0.95
 
 
@@ -233,12 +233,12 @@ def test_an_image_of_another_size_than_the_segmentation_is_refused():
 
 
 def test_bad_settings_are_refused():
-    with pytest.raises(InputError, match=r"edge_high of RegionGrowing: got 2; expected .* >= 5"):
-        RegionGrowing(edge_low=5, edge_high=2)
+    with pytest.raises(InputError, match=r"edge_high of RegionGrowingParameters: got 2; expected .* >= 5"):
+        RegionGrowingParameters(edge_low=5, edge_high=2)
     with pytest.raises(InputError, match="blur_px"):
-        RegionGrowing(blur_px=0)
+        RegionGrowingParameters(blur_px=0)
     with pytest.raises(InputError, match="sigma_px"):
-        BoundaryFit(sigma_px=0)
+        BoundaryFitParameters(sigma_px=0)
 
 
 def test_segmentations_survive_pickling_read_only():

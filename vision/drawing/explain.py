@@ -99,7 +99,7 @@ def explain_view(
     panels = [_edges(paper, extraction)]
     segmentation, grouping = extraction.segmentation, extraction.grouping
     if segmentation is not None:
-        found = extraction.of_process("region")
+        found = extraction.of_extractor("region")
         left = segmentation.regions if extraction.constraints is None else segmentation.prune(extraction.constraints)
         panels += [
             stages.regions(paper, segmentation),
@@ -107,7 +107,7 @@ def explain_view(
             stages.region_ellipses(paper, segmentation, found, left),
         ]
     if grouping is not None:
-        shown = replace(grouping, features=extraction.of_process("group"))
+        shown = replace(grouping, features=extraction.of_extractor("group"))
         panels += [
             stages.fragments(paper, shown),
             stages.groups(paper, shown),

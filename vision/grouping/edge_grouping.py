@@ -155,7 +155,7 @@ def group_edges(
 def walked_ellipses(
     table: FragmentTable, edges: EdgeMap, arrays: EdgeArrays, parameters: GroupingParameters
 ) -> tuple[Array, Array]:
-    """All candidates that the score is asked about, before they compete for edge points.
+    """All ellipses that survive the verification, before they compete for edge points.
 
     Args:
         table: the fragments of the edges, at least one.

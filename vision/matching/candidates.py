@@ -109,7 +109,7 @@ def find_candidates(
     table = EllipseTable.of(features)
     votes, matches = votes_of(poses_of(origin, axis), camera_arrays(views), salient.arrays, table)
     taught = [f.extractor for f in model.salient]
-    preferred = np.array([features[v][m].process == taught[k] for v, m, k in seed], dtype=bool)
+    preferred = np.array([features[v][m].extractor == taught[k] for v, m, k in seed], dtype=bool)
     order = np.argsort(-votes, kind="stable")
     return Candidates(origin, axis, votes, matches, seed, preferred).take(order)
 

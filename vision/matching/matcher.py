@@ -201,7 +201,7 @@ class Matcher:
             T_world_part=RigidTransform.from_matrix(T),
             covariance=refined.covariance,
             score=float(evidence.score[0]),
-            process=features[v][m].process if m >= 0 else "group",
+            extractor=features[v][m].extractor if m >= 0 else "group",
             residual_px=refined.residual_px,
             views=int(evidence.views[0]),
             inplane_known=known,

@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.errors import FileFormatError, InputError
 from vision.extraction import ExtractionThresholds
-from vision.features import Process, RegionAttributes
+from vision.features import Extractor, RegionAttributes
 from vision.files.json_reader import JsonValue, parse, read_text
 from vision.geometry.circle import Circle
 from vision.model.grasp import BoreCoordinates, GraspCoordinates, GraspKind
@@ -157,7 +157,7 @@ def _feature_from(item: JsonValue) -> CircleFeature:
         name=d["name"].text(),
         role=d["role"].choice(get_args(Role)),
         circle=Circle(d["centre_m"].vector(3), d["normal"].unit(3), d["radius_m"].positive()),
-        extractor=d["extractor"].choice(get_args(Process)),
+        extractor=d["extractor"].choice(get_args(Extractor)),
         copies=d["copies"].count(),
         support=d["support"].share(),
         attributes=tuple((name, _range_from(name, value)) for name, value in d["attributes"].mapping().items()),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vision.errors import InputError
 from vision.extraction import ExtractionThresholds
-from vision.features import Process
+from vision.features import Extractor
 from vision.frozen import frozen_arrays
 from vision.geometry.circle import Circle
 from vision.model.grasp import BoreCoordinates, GraspCoordinates, turns_about_z
@@ -50,7 +50,7 @@ class CircleFeature:
     name: str
     role: Role
     circle: Circle
-    extractor: Process
+    extractor: Extractor
     copies: int = 1
     support: float = 1.0
     attributes: tuple[tuple[str, AttributeRange], ...] = ()

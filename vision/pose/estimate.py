@@ -83,7 +83,7 @@ class PoseEstimate:
         covariance: (6, 6) of (translation in metres, rotation vector in radians), both in the world frame and about
             the part's origin.
         score: edge support of the pose, 0 to 1.
-        process: "region" or "group", the extractor whose features made the hypothesis; "oracle" for the true pose.
+        extractor: "region" or "group", the extractor whose features made the hypothesis; "oracle" for the true pose.
         residual_px: root mean square distance of the edge points used from the projected model.
         views: number of views that support the pose.
         inplane_known: whether supporting features settled the rotation about the part's axis.
@@ -94,7 +94,7 @@ class PoseEstimate:
     T_world_part: RigidTransform
     covariance: Array
     score: float
-    process: str
+    extractor: str
     residual_px: float
     views: int
     inplane_known: bool

@@ -23,7 +23,7 @@ _CELL_PX = 6.0
 
 
 class Limits(NamedTuple):
-    """When a boundary passes for an ellipse: the settings of ``BoundaryFit``, and of its points.
+    """When a boundary passes for an ellipse: the settings of ``BoundaryFitParameters``, and of its points.
 
     Attributes:
         blur_variance: of the image in px², which draws edges inwards.

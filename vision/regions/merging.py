@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from vision.regions.quadtree import Labels, Quadtree, SplitAndMerge
+from vision.regions.quadtree import Labels, Quadtree, SplitAndMergeParameters
 
 BOUNDARY = 0
 """Label of the pixels that belong to no region: edge pixels, and specks too small to be regions."""
@@ -14,7 +14,7 @@ _STEPS_PER_LEVEL = 64
 """Steps between grey levels are told apart to 1 / 64, finer than any threshold, so that sorting is counting."""
 
 
-def merge(tree: Quadtree, settings: SplitAndMerge) -> Labels:
+def merge(tree: Quadtree, parameters: SplitAndMergeParameters) -> Labels:
     """Merge neighbouring leaves of similar grey into regions, the most similar pair first.
 
     Two leaves are neighbours when they share a side (edges are 8-connected, so that sharing a corner would let
@@ -30,9 +30,9 @@ def merge(tree: Quadtree, settings: SplitAndMerge) -> Labels:
         tree.size,
         tree.is_edge,
         tree.grey_sum,
-        float(settings.max_step),
-        float(settings.max_contrast),
-        float(settings.min_area_px),
+        float(parameters.max_step),
+        float(parameters.max_contrast),
+        float(parameters.min_area_px),
     )
     return labels
 

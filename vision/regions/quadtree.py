@@ -16,7 +16,7 @@ Labels = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
-class SplitAndMerge:
+class SplitAndMergeParameters:
     """What counts as homogeneous and as similar, in grey levels.
 
     Attributes:
@@ -72,13 +72,13 @@ class Quadtree:
         return len(self.x)
 
 
-def split(gray: NDArray[np.uint8], edges: NDArray[np.bool_], settings: SplitAndMerge) -> Quadtree:
+def split(gray: NDArray[np.uint8], edges: NDArray[np.bool_], parameters: SplitAndMergeParameters) -> Quadtree:
     """Split the image until every block is homogeneous: no edge pixel inside, small grey deviation and range.
 
     Args:
         gray: (H, W) grey levels.
         edges: (H, W) edge map, as linked.
-        settings: thresholds.
+        parameters: thresholds.
 
     Returns:
         The leaves, largest first. Single pixels are always leaves where nothing larger is homogeneous.
@@ -86,9 +86,9 @@ def split(gray: NDArray[np.uint8], edges: NDArray[np.bool_], settings: SplitAndM
     leaf_of_pixel, *of_leaf = _split(
         np.ascontiguousarray(gray),
         np.ascontiguousarray(edges),
-        settings.root_size_px.bit_length() - 1,
-        float(settings.max_deviation**2),
-        float(settings.max_range),
+        parameters.root_size_px.bit_length() - 1,
+        float(parameters.max_deviation**2),
+        float(parameters.max_range),
     )
     return Quadtree(leaf_of_pixel, *of_leaf)
 

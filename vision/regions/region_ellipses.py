@@ -14,14 +14,14 @@ from vision.geometry.ellipse import Ellipse
 from vision.regions.attributes import AttributeConstraints
 from vision.regions.boundaries import refine_boundaries
 from vision.regions.boundary_ellipses import Limits, find_ellipses
-from vision.regions.segmentation import Region, RegionGrowing, Segmentation, check_gray, gradient, segment
+from vision.regions.segmentation import Region, RegionGrowingParameters, Segmentation, check_gray, gradient, segment
 from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, check, count
 
 __all__ = [
     "AttributeConstraints",
-    "BoundaryFit",
+    "BoundaryFitParameters",
     "Region",
-    "RegionGrowing",
+    "RegionGrowingParameters",
     "Segmentation",
     "region_ellipses",
     "segment",
@@ -39,7 +39,7 @@ _CORRELATION = 0.31
 
 
 @dataclass(frozen=True)
-class BoundaryFit:
+class BoundaryFitParameters:
     """When a boundary passes for an ellipse.
 
     Attributes:
@@ -69,8 +69,8 @@ def region_ellipses(
     segmentation: Segmentation,
     gray: NDArray[np.uint8],
     constraints: AttributeConstraints | None = None,
-    fit: BoundaryFit | None = None,
-    growing: RegionGrowing | None = None,
+    fit: BoundaryFitParameters | None = None,
+    growing: RegionGrowingParameters | None = None,
 ) -> list[EllipseFeature]:
     """Ellipses on the outer and inner boundaries of the regions that the constraints leave.
 
@@ -86,13 +86,13 @@ def region_ellipses(
         growing: the settings that the segmentation was made with; None for the defaults.
 
     Returns:
-        Features with ``process="region"`` and the attributes of their region, best score first; one per ellipse,
+        Features with ``extractor="region"`` and the attributes of their region, best score first; one per ellipse,
         also where regions on its two sides both found it.
 
     Raises:
         InputError: when the image is not the one that was segmented, by its shape or type.
     """
-    fit, growing = fit or BoundaryFit(), growing or RegionGrowing()
+    fit, growing = fit or BoundaryFitParameters(), growing or RegionGrowingParameters()
     gray = check_gray(gray)
     if gray.shape != segmentation.labels.shape:
         raise InputError(

@@ -17,13 +17,13 @@ from vision.regions.attributes import AttributeConstraints, Contour, measure_sha
 from vision.regions.contours import trace_contours
 from vision.regions.edge_gaps import link_edges
 from vision.regions.merging import BOUNDARY, merge
-from vision.regions.quadtree import Labels, Quadtree, SplitAndMerge, split
+from vision.regions.quadtree import Labels, Quadtree, SplitAndMergeParameters, split
 from vision.settings import NOT_NEGATIVE, Allowed, check, count
 
 
 @dataclass(frozen=True)
-class RegionGrowing:
-    """Settings of the region-growing method.
+class RegionGrowingParameters:
+    """How regions are grown.
 
     Attributes:
         blur_px: standard deviation of the Gaussian before edge detection, in pixels.
@@ -37,7 +37,7 @@ class RegionGrowing:
     edge_low: float = 3.0
     edge_high: float = 8.0
     gap_px: int = 3
-    split_and_merge: SplitAndMerge = field(default_factory=SplitAndMerge)
+    split_and_merge: SplitAndMergeParameters = field(default_factory=SplitAndMergeParameters)
 
     def __post_init__(self) -> None:
         check(self, blur_px=Allowed(0, 100, above=True), edge_low=NOT_NEGATIVE, gap_px=count())
@@ -111,12 +111,12 @@ class Segmentation:
         return tuple(constraints.prune(regions))
 
 
-def segment(gray: NDArray[np.uint8], settings: RegionGrowing | None = None) -> Segmentation:
+def segment(gray: NDArray[np.uint8], parameters: RegionGrowingParameters | None = None) -> Segmentation:
     """Divide an image into homogeneous regions: Canny, edge linking, split and merge.
 
     Args:
         gray: (H, W) uint8 grey levels.
-        settings: of the method; None for the defaults.
+        parameters: of the method; None for the defaults.
 
     Returns:
         The segmentation. A constant image is one region.
@@ -124,11 +124,11 @@ def segment(gray: NDArray[np.uint8], settings: RegionGrowing | None = None) -> S
     Raises:
         InputError: when the image is not a non-empty two-dimensional uint8 array.
     """
-    settings = settings or RegionGrowing()
+    parameters = parameters or RegionGrowingParameters()
     gray = check_gray(gray)
-    edges = link_edges(canny(gray, settings), settings.gap_px)
-    tree = split(gray, edges, settings.split_and_merge)
-    leaf_labels = merge(tree, settings.split_and_merge)
+    edges = link_edges(canny(gray, parameters), parameters.gap_px)
+    tree = split(gray, edges, parameters.split_and_merge)
+    leaf_labels = merge(tree, parameters.split_and_merge)
     return Segmentation(leaf_labels.take(tree.leaf_of_pixel), tree, leaf_labels, edges)
 
 
@@ -156,10 +156,10 @@ def gradient(gray: NDArray[np.uint8], blur_px: float) -> tuple[NDArray[np.int16]
     return cv2.Sobel(blurred, cv2.CV_16S, 1, 0), cv2.Sobel(blurred, cv2.CV_16S, 0, 1)
 
 
-def canny(gray: NDArray[np.uint8], settings: RegionGrowing) -> NDArray[np.bool_]:
+def canny(gray: NDArray[np.uint8], parameters: RegionGrowingParameters) -> NDArray[np.bool_]:
     """Canny edges of the blurred image (H, W)."""
-    dx, dy = gradient(gray, settings.blur_px)
-    return np.asarray(cv2.Canny(dx, dy, settings.edge_low * 32, settings.edge_high * 32, L2gradient=True) > 0)
+    dx, dy = gradient(gray, parameters.blur_px)
+    return np.asarray(cv2.Canny(dx, dy, parameters.edge_low * 32, parameters.edge_high * 32, L2gradient=True) > 0)
 
 
 @dataclass(frozen=True, eq=False)

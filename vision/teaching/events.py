@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from scipy.spatial.transform import RigidTransform
 
 from vision.extraction import ExtractionThresholds
-from vision.features import Process
+from vision.features import Extractor
 from vision.geometry.camera import rigid_transform
 from vision.model.grasp import GraspKind
 from vision.model.vision_model import Role
@@ -87,7 +87,7 @@ class SetExtractor(Event):
     """Choose the extractor that is tried first; None takes what the system proposes."""
 
     feature_id: str
-    extractor: Process | None
+    extractor: Extractor | None
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ class ChooseCandidate(Event):
 
     feature_id: str
     view: int
-    process: Process
+    extractor: Extractor
     ellipse: tuple[float, ...]
 
 

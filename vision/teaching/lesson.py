@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
 from vision.extraction import ExtractionThresholds
-from vision.features import EllipseFeature, Process
+from vision.features import EllipseFeature, Extractor
 from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
@@ -45,7 +45,7 @@ class TaughtFeature:
     role: Role
     clicks: Mapping[int, Array]
     copies: int = 1
-    extractor: Process | None = None
+    extractor: Extractor | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,9 +140,9 @@ def _to_micrometre(circle: Circle) -> Circle:
     return Circle(np.round(circle.centre, 6), np.round(circle.normal, 7), round(circle.radius_m, 6))
 
 
-def propose_extractor(seen: Sequence[Sequence[EllipseFeature]]) -> Process:
+def propose_extractor(seen: Sequence[Sequence[EllipseFeature]]) -> Extractor:
     """The extractor that found the feature in more views; region growing where both did equally well."""
-    region, group = (sum(any(f.process == p for f in view) for view in seen) for p in ("region", "group"))
+    region, group = (sum(any(f.extractor == p for f in view) for view in seen) for p in ("region", "group"))
     return "group" if group > region else "region"
 
 
