@@ -19,10 +19,10 @@ from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse
 from vision.model.vision_model import Pattern
 from vision.teaching import events as ev
-from vision.teaching.editor.acts import event_of_act
 from vision.teaching.editor.autosave import Autosave
+from vision.teaching.editor.background_extraction import BackgroundExtraction, pose_complaint
+from vision.teaching.editor.browser_events import event_of_act
 from vision.teaching.editor.drawing_state import difference, drawing_state, guide
-from vision.teaching.editor.extraction import Extraction, pose_complaint
 from vision.teaching.editor.extractor_choice import how_often_found
 from vision.teaching.editor.findings import Inspector
 from vision.teaching.editor.grasp_pose import GraspPose, bore_at, grasp_on
@@ -70,14 +70,14 @@ def find(inspector, session):
 def test_settled_circle_is_the_one_that_the_model_gets(views, inspector, outline):
     session = marked(views, outline, range(4))
     feature = session.document.feature("f1")
-    assert not find(inspector, session).settled
-    assert inspector.settle([feature])
+    assert not find(inspector, session).refined
+    assert inspector.refine([feature])
     found = find(inspector, session)
     circle = locate(feature.taught(), views, inspector.edges).circle
     assert np.allclose(found.circle.centre, circle.centre, atol=1e-12)
     assert found.circle.radius_m == circle.radius_m
-    assert found.settled
-    assert not inspector.settle([feature])
+    assert found.refined
+    assert not inspector.refine([feature])
     assert found.message == ""
     assert max(e.rms_px for e in found.errors.values()) < 0.5
 
@@ -335,7 +335,9 @@ def test_the_doubt_follows_the_overlays(views):
     far = [
         RigidTransform.from_components(1e3 * v.T_world_camera.translation, v.T_world_camera.rotation) for v in views
     ]
-    extraction = Extraction([replace(view, T_world_camera=T) for view, T in zip(views[:2], far[:2], strict=True)])
+    extraction = BackgroundExtraction(
+        [replace(view, T_world_camera=T) for view, T in zip(views[:2], far[:2], strict=True)]
+    )
     told = []
 
     async def open_page():

@@ -10,7 +10,7 @@ from vision.edges.edge_field import EdgeField
 from vision.features import EllipseFeature
 from vision.geometry.circle import project_circle
 from vision.geometry.workspace import Workspace
-from vision.matching.hypotheses import Development
+from vision.matching.hypotheses import HypothesisGenerator
 from vision.matching.matcher import Matcher
 from vision.matching.parameters import MatchingParameters
 from vision.model.contour import ModelContour
@@ -160,10 +160,10 @@ def test_a_pose_that_fits_one_view_at_a_wrong_depth_is_moved_to_where_the_others
     views = photograph([truth])
     of_plate = matcher(plate, views)
     contour = ModelContour.of(plate, views[0].camera.fx / 0.5)
-    development = Development(of_plate.scene, of_plate.circles, contour, of_plate.parameters)
+    generator = HypothesisGenerator(of_plate.scene, of_plate.circles, contour, of_plate.parameters)
     wrong = truth.as_matrix()
     wrong[:3, 3] += share * (wrong[:3, 3] - views[0].T_world_camera.translation)
-    moved = RigidTransform.from_matrix(development.supported_by_others(wrong, 0, inplane=True))
+    moved = RigidTransform.from_matrix(generator.supported_by_others(wrong, 0, inplane=True))
     distance, angle = errors(moved, truth, 3)
     assert distance < 0.1
     assert angle < 0.3

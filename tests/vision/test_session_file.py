@@ -22,6 +22,7 @@ from vision.teaching.session import Session, ViewDigest
 from vision.teaching.session_file import (
     event_from,
     event_to_dict,
+    key_of,
     load_session,
     replay,
     save_session,
@@ -172,7 +173,7 @@ def test_schema_and_reader_know_the_same_events_and_fields():
     kinds = {kind.__name__: kind for kind in ev.EVENT_TYPES}
     assert set(SCHEMA["$defs"]) == set(kinds) | {"view", "thresholds"}
     for name, kind in kinds.items():
-        assert set(SCHEMA["$defs"][name]["required"]) == {"event"} | {f.name for f in fields(kind)}
+        assert set(SCHEMA["$defs"][name]["required"]) == {"event"} | {key_of(kind, f.name) for f in fields(kind)}
 
 
 @pytest.mark.slow

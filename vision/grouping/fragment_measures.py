@@ -78,7 +78,7 @@ def _end_normal(gradients, low, high, side):
 
 
 @njit(cache=True)
-def measure_parts(points, gradients, start, stop, sense, image, limits, offset):
+def measure_fragments(points, gradients, start, stop, sense, image, limits, offset):
     """Numbers of the parts that are long and bent enough, and the columns of their table.
 
     Most parts are straight or specks: whatever discards a part is measured first.

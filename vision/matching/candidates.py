@@ -21,7 +21,7 @@ from vision.geometry.camera import View, camera_arrays
 from vision.geometry.circle import circle_candidates, plane_axes
 from vision.geometry.ellipse import conic_matrices
 from vision.geometry.workspace import Workspace
-from vision.matching.votes import EllipseTable, votes_of
+from vision.matching.votes import EllipseTable, count_votes
 from vision.model.vision_model import SalientCircles, VisionModel
 
 Array = NDArray[np.float64]
@@ -107,7 +107,7 @@ def find_candidates(
         keep = workspace.contains(origin, margin_m=0.25 * model.diameter_m)
         origin, axis, seed = origin[keep], axis[keep], seed[keep]
     table = EllipseTable.of(features)
-    votes, matches = votes_of(poses_of(origin, axis), camera_arrays(views), salient.arrays, table)
+    votes, matches = count_votes(poses_of(origin, axis), camera_arrays(views), salient.arrays, table)
     taught = [f.extractor for f in model.salient]
     preferred = np.array([features[v][m].extractor == taught[k] for v, m, k in seed], dtype=bool)
     order = np.argsort(-votes, kind="stable")

@@ -15,7 +15,7 @@ from vision.features import EllipseFeature
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace
 from vision.matching.candidates import Candidates, find_candidates
-from vision.matching.hypotheses import CLASHING_SHARE, Development, HypothesisPool
+from vision.matching.hypotheses import CLASHING_SHARE, HypothesisGenerator, HypothesisPool
 from vision.matching.parameters import MatchingParameters
 from vision.matching.scene_edges import Evidence, SceneEdges
 from vision.matching.votes import EllipseTable
@@ -67,23 +67,23 @@ class Matcher:
         candidates = candidates.distinct(self.model.diameter_m)
         table = EllipseTable.of(features)
         contour = self._contour(candidates)
-        development = Development(self.scene, self.circles, contour, self.parameters)
+        generator = HypothesisGenerator(self.scene, self.circles, contour, self.parameters)
         self.scene.forget_claims()
         accepted: list[PoseEstimate] = []
         pool = HypothesisPool.empty(len(self.views), len(self.circles.radius))
         for number, minimum_score in enumerate(self.parameters.minimum_scores):
             # The taught strategy goes first; afterwards one extractor makes good what the other has lost.
             allowed = candidates.preferred if number == 0 else np.ones(len(candidates), bool)
-            chosen = development.promising(candidates, allowed)
-            pool = pool.joined(development.of_candidates(candidates.take(chosen), table))
-            found, pool = self._accept(pool, minimum_score, features, development, accepted)
+            chosen = generator.promising(candidates, allowed)
+            pool = pool.joined(generator.from_candidates(candidates.take(chosen), table))
+            found, pool = self._accept(pool, minimum_score, features, generator, accepted)
             accepted += found
             candidates = self._untried(candidates, chosen, accepted)
         if any(map(len, arcs)) and self.workspace is not None:
             known = [e.T_world_part.as_matrix() for e in accepted]
-            pool = pool.joined(development.of_arcs(arcs, self.workspace, table, known))
+            pool = pool.joined(generator.from_arcs(arcs, self.workspace, table, known))
             least = self.parameters.minimum_scores[-1]
-            accepted += self._accept(pool, least, features, development, accepted)[0]
+            accepted += self._accept(pool, least, features, generator, accepted)[0]
         return sorted(accepted, key=lambda e: -e.score)
 
     def _untried(
@@ -112,7 +112,7 @@ class Matcher:
         pool: HypothesisPool,
         minimum_score: float,
         features: Features,
-        development: Development,
+        generator: HypothesisGenerator,
         known: Sequence[PoseEstimate],
     ) -> tuple[list[PoseEstimate], HypothesisPool]:
         """Greedily accept the best supported hypothesis, let it claim its edges, and weigh the rest again.
@@ -121,14 +121,14 @@ class Matcher:
             The accepted poses, and the hypotheses that are left.
         """
         accepted: list[PoseEstimate] = []
-        contour = development.contour
+        contour = generator.contour
         while len(pool):
             best = int(np.argmax(pool.standing))
             if pool.standing[best] < minimum_score:
                 break
             chosen, pool = pool.take(np.array([best])), pool.take(np.arange(len(pool)) != best)
             if not chosen.turned[0]:
-                pool = pool.joined(self._turn(chosen, development))
+                pool = pool.joined(self._turn(chosen, generator))
                 continue
             final = self._finish(chosen, features, contour)
             if final is None or not self._stands(final, minimum_score, [*known, *accepted]):
@@ -151,20 +151,20 @@ class Matcher:
             np.linalg.norm(origin - other.T_world_part.translation) > separation for other in known
         )
 
-    def _turn(self, hypothesis: HypothesisPool, development: Development) -> HypothesisPool:
+    def _turn(self, hypothesis: HypothesisPool, generator: HypothesisGenerator) -> HypothesisPool:
         """Settle the rotation about the axis by the supporting features, which then count as well."""
         yes = np.ones(1, bool)
         fold = self.model.symmetry_fold
         if fold is None:
             return replace(hypothesis, turned=yes)
-        T, known = self.scene.find_inplane(hypothesis.poses[0], development.contour, fold)
-        evidence = self.scene.evidence(T[None], development.contour)
+        T, known = self.scene.find_inplane(hypothesis.poses[0], generator.contour, fold)
+        evidence = self.scene.evidence(T[None], generator.contour)
         least, most = self.parameters.doubtful_scores
         if least < evidence.score[0] < most:
-            T, evidence = self._better(T, evidence, development.aligned(T, inplane=known), development.contour)
+            T, evidence = self._better(T, evidence, generator.aligned(T, inplane=known), generator.contour)
         if evidence.views[0] == 1 < len(self.views):
-            moved = development.supported_by_others(T, int(hypothesis.seed[0, 0]), inplane=known)
-            T, evidence = self._better(T, evidence, moved, development.contour)
+            moved = generator.supported_by_others(T, int(hypothesis.seed[0, 0]), inplane=known)
+            T, evidence = self._better(T, evidence, moved, generator.contour)
         turned = replace(hypothesis, poses=T[None], turned=yes, inplane_known=np.array([known]))
         return turned.weighed(np.array([0]), evidence)
 

@@ -21,7 +21,7 @@ from vision.matching.edge_support import claim_edges, share_claimed, tally_suppo
 from vision.matching.parameters import CONFIRMATION, ConfirmationParameters
 from vision.model.contour import ModelContour
 from vision.model.projection import COVER_BLOCK_PX
-from vision.model.solid import cover
+from vision.model.solid import render_depth
 from vision.model.vision_model import VisionModel
 from vision.pose.alignment import align_on_edges
 from vision.pose.observations import Observations, observe_edges
@@ -185,7 +185,7 @@ class SceneEdges:
         for v, reduced in enumerate(self._reduced):
             hidden = self._cover[v, : reduced.height_px, : reduced.width_px]
             T_camera_part = self.cameras[0][v] @ T_world_part
-            cover(hidden, T_camera_part, reduced, model)
+            render_depth(hidden, T_camera_part, reduced, model)
             edges = (self._distance[v], self._direction[v], self._claimed[v])
             reach, least = self.parameters.reach_px, self.parameters.claim_support
             claim_edges(T_camera_part, self.cameras[1][v], contour.samples, edges, reach, least, width_px)

@@ -23,7 +23,7 @@ MINOR_TOLERANCE = (2.0, 0.10)  # the tilt of a circle seen face on is ill determ
 FACING_COSINE = 0.12
 
 
-def votes_of(
+def count_votes(
     poses: Array, cameras: tuple[Array, Array], circles: tuple[Array, Array, Array], table: EllipseTable
 ) -> tuple[Array, Indices]:
     """Votes (N,) and matches (N, V, K) of poses (N, 4, 4).

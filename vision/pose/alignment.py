@@ -1,7 +1,7 @@
-"""Compiled pose corrections for many candidates: on matched ellipses, and on the nearest edges of all views.
+"""Compiled pose corrections for many poses at once: on matched ellipses, and on the nearest edges of all views.
 
-The same robust Gauss-Newton as :func:`vision.pose.refinement.refine_pose`, without its covariance: fast enough to
-try every candidate, where that one gives the final word.
+The same robust Gauss-Newton as :func:`vision.pose.refinement.refine_pose`, without its covariance: fast enough
+for every candidate and hypothesis, where that one gives the final word.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a person can do on the teaching page, one value per deed: a session is a list of these, and nothing else.
+"""What a person can do on the teaching page, one value per action: a session is a list of these, and nothing else.
 
 Every event can be written as a JSON object and read back (see ``vision.teaching.session_file``). Features and grasps
 have identifiers that never change, so that renaming one does not touch the events that follow. Views are counted

@@ -18,8 +18,8 @@ from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse, overlap
 from vision.model.grasp import BoreCoordinates, GraspCoordinates
 from vision.model.vision_model import AttributeRange, CircleFeature, Role, VisionModel
+from vision.teaching.circle_refinement import refine_circle
 from vision.teaching.pattern import learn_patterns
-from vision.teaching.settling import settle
 from vision.teaching.snapping import snap_to_edge
 from vision.teaching.triangulation import TriangulatedCircle, triangulate_circle
 
@@ -112,7 +112,7 @@ def locate(feature: TaughtFeature, views: Sequence[View], edge_fields: Sequence[
             f"feature {feature.name!r}", got=error.got, expected=error.expected, do=error.do or "Mark it again."
         ) from error
     agreeing = set(marks) - set(found.inconsistent())
-    return replace(found, circle=settle(found.circle, found.freedom, sorted(agreeing), views, edge_fields))
+    return replace(found, circle=refine_circle(found.circle, found.freedom, sorted(agreeing), views, edge_fields))
 
 
 def _acquire_feature(

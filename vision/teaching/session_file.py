@@ -109,7 +109,7 @@ def session_from_json(text: str, source: str = "teaching session") -> Session:
 
 def event_to_dict(event: ev.Event) -> dict[str, Any]:
     """An event as a JSON object: its type, its fields, and when it happened."""
-    values = {_key(type(event), f.name): getattr(event, f.name) for f in fields(event) if f.name != "time_s"}
+    values = {key_of(type(event), f.name): getattr(event, f.name) for f in fields(event) if f.name != "time_s"}
     if isinstance(event, ev.SetThresholds):
         values["thresholds"] = thresholds_to_dict(event.thresholds)
     return {"event": type(event).__name__, **values, "time_s": event.time_s}
@@ -124,7 +124,7 @@ def event_from(item: JsonValue) -> ev.Event:
     found = item.mapping().get("event")
     item.check(found is not None, "an object with the key 'event'")
     kind = _TYPES[found.choice(tuple(_TYPES))]  # type: ignore[union-attr]
-    keys = {f.name: _key(kind, f.name) for f in fields(kind)}
+    keys = {f.name: key_of(kind, f.name) for f in fields(kind)}
     d = item.members("event", *keys.values())
     return kind(**{name: _READ[key](d[key]) for name, key in keys.items()})
 
@@ -170,7 +170,7 @@ def _ellipse(item: JsonValue) -> tuple[float, ...]:
     return tuple(float(v) for v in item.vector(5))
 
 
-def _key(kind: type[ev.Event], field: str) -> str:
+def key_of(kind: type[ev.Event], field: str) -> str:
     """What a field is called in the file; one has kept the name that it had in the first sessions."""
     return "process" if (kind, field) == (ev.ChooseCandidate, "extractor") else field
 

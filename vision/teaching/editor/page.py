@@ -11,7 +11,7 @@ from nicegui import background_tasks, ui
 
 from vision.errors import FocalpickError
 from vision.teaching import events as ev
-from vision.teaching.editor.acts import event_of_act
+from vision.teaching.editor.browser_events import event_of_act
 from vision.teaching.editor.drawing_state import State, difference, drawing_state, ellipse_numbers, guide
 from vision.teaching.editor.feature_panel import FeaturePanel
 from vision.teaching.editor.findings import Finding

@@ -48,7 +48,7 @@ _MOST_RUNS = 2 * len(_STEPS) + sum(len(FACTORS) * len(steps) for steps in _STEPS
 
 
 @dataclass(frozen=True)
-class Finding:
+class FeatureChange:
     """One taught feature in one view.
 
     Attributes:
@@ -94,13 +94,13 @@ class Proposal:
         thresholds: those proposed.
         before: what the extractors return with the lesson's thresholds.
         after: what they return with the proposed ones.
-        findings: feature by feature and view by view.
+        changes: feature by feature and view by view.
     """
 
     thresholds: ExtractionThresholds
     before: Tally
     after: Tally
-    findings: tuple[Finding, ...]
+    changes: tuple[FeatureChange, ...]
 
 
 def propose_thresholds(lesson: Lesson, views: Sequence[View], report: Report | None = None) -> Proposal:
@@ -127,11 +127,11 @@ def propose_thresholds(lesson: Lesson, views: Sequence[View], report: Report | N
             best = bench.improve(best, extractor)
     if present.tally.score > best.tally.score:
         best = present
-    findings = tuple(
-        Finding(mark.feature, mark.view, mark.extractor, before, after)
+    changes = tuple(
+        FeatureChange(mark.feature, mark.view, mark.extractor, before, after)
         for mark, before, after in zip(bench.marks, present.found, best.found, strict=True)
     )
-    return Proposal(best.thresholds, present.tally, best.tally, findings)
+    return Proposal(best.thresholds, present.tally, best.tally, changes)
 
 
 @dataclass(frozen=True, eq=False)

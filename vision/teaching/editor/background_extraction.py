@@ -17,7 +17,7 @@ IDLE_S = 0.2
 SMALLEST_SHARE = 0.02  # of a part's diameter: the radius of a circle worth teaching
 
 
-class Extraction:
+class BackgroundExtraction:
     """The overlays of all views.
 
     Attributes:
