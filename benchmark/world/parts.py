@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from benchmark.meshes.mesh_file import MeshReference
 from benchmark.world import assets
 from benchmark.world.designs import DESIGNS, Design
 from benchmark.world.grasps import grasps_of
-from benchmark.world.mesh_file import MeshReference
 from benchmark.world.mesh_part import part_from_mesh
 from benchmark.world.part import Part, Rim, Symmetry
 from vision.errors import FileFormatError, InputError

@@ -11,13 +11,13 @@ import pytest
 import trimesh
 from manifold3d import CrossSection, Manifold
 
+from benchmark.meshes.mesh_file import MeshReference
+from benchmark.meshes.symmetry import symmetry_fold
 from benchmark.models import load_model
 from benchmark.world import convex_pieces, mesh_part
 from benchmark.world.assets import ASSETS, read_vertices, visual_path
 from benchmark.world.designs import DESIGNS
-from benchmark.world.mesh_file import MeshReference
 from benchmark.world.mesh_part import part_from_mesh
-from benchmark.world.mesh_symmetry import symmetry_fold
 from benchmark.world.parts import get_part, vertices
 from benchmark.world.scene import build_model, cell_config
 from tests.parts import belt_pulley

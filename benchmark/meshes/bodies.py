@@ -13,8 +13,8 @@ import numpy as np
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
-from benchmark.world.mesh_shells import Shell, shells_of
-from benchmark.world.mesh_surface import GAP_MM, TURN, Surface
+from benchmark.meshes.shells import Shell, shells_of
+from benchmark.meshes.surface import GAP_MM, TURN, Surface
 
 Floats = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.world.mesh_surface import Surface
-from benchmark.world.mesh_topology import Edges, components, edges_of, sheets
+from benchmark.meshes.surface import Surface
+from benchmark.meshes.topology import Edges, components, edges_of, sheets
 from vision.frozen import frozen_arrays
 
 Floats = NDArray[np.float64]
