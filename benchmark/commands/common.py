@@ -67,7 +67,7 @@ def split_parts(text: str | None) -> tuple[str, ...] | None:
         if MeshReference.parse(name) is not None:
             get_part(name)
         elif name not in PART_NAMES:
-            raise unknown_part(name)
+            raise unknown_part(name, got=name or "nothing")
     return kinds
 
 
