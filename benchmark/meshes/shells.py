@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from benchmark.meshes.surface import Surface
 from benchmark.meshes.topology import Edges, components, edges_of, once, sheets
+from vision.frozen import frozen_arrays
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -23,6 +24,7 @@ SAME_RAD = 1e-3  # triangles that stand at an edge at less than this angle may b
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Shell:
     """A connected part of a surface; exactly two of its triangles meet at every edge.
 

@@ -12,6 +12,7 @@ from benchmark.episodes.evaluation import assign_estimates
 from benchmark.episodes.metrics import BARELY_VISIBLE, error_vector
 from benchmark.tuning.scenes import KnownScene
 from benchmark.world.parts import get_part
+from vision.frozen import frozen_arrays
 from vision.matching.parameters import MatchingParameters
 from vision.pose.edge_errors import EdgeErrors
 
@@ -22,6 +23,7 @@ NO_ERRORS = EdgeErrors(**dict.fromkeys(NAMES, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class PoseErrors:
     """Errors of N matched poses, in coordinates of which the last does not count where the turn about z is unknown.
 
