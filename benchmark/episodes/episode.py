@@ -172,9 +172,9 @@ def _look(
 ) -> _Sight:
     """Photograph the bin from every viewpoint."""
     views, true_views, visible = [], [], []
-    for index, (_, q) in enumerate(viewpoints):
+    for index, viewpoint in enumerate(viewpoints):
         with watch.stage("motion"):
-            cell.move_joints(q, on_step)
+            cell.move_joints(viewpoint.q, on_step)
         with watch.stage("render"):
             view = cell.capture(rng, f"view {index + 1}")
             seen = cell.visibility()

@@ -30,10 +30,10 @@ def cell() -> Iterator[WorkCell]:
 @pytest.fixture(scope="module")
 def looking(cell: WorkCell) -> Iterator[np.ndarray]:
     """Joint angles from which the camera sees the bin."""
-    (_, q), *_ = reachable_viewpoints(
+    first, *_ = reachable_viewpoints(
         cell.kinematics, cell.T_flange_camera, cell.config.bin_centre_m, cell.config.camera_distance_m, count=2
     )
-    return q
+    return first.q
 
 
 def state(cell: WorkCell) -> bytes:

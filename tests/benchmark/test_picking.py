@@ -32,7 +32,7 @@ def look(cell: WorkCell) -> None:
     viewpoints = reachable_viewpoints(
         cell.kinematics, cell.T_flange_camera, config.bin_centre_m, config.camera_distance_m, count=2
     )
-    cell.move_joints(viewpoints[-1][1])
+    cell.move_joints(viewpoints[-1].q)
 
 
 def exactly(cell: WorkCell, *poses: RigidTransform) -> tuple[PoseEstimate, ...]:

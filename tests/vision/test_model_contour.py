@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.edges.edge_field import EdgeField
+from vision.edges.edge_field import EdgeField, StackedEdges
 from vision.geometry.camera import camera_arrays
 from vision.geometry.circle import Circle, project_circle
 from vision.matching.edge_support import tally_support
@@ -82,6 +82,8 @@ def test_one_pass_tallies_what_projection_and_support_do(contour, photograph, po
     rng = np.random.default_rng(10_001)
     claimed = rng.random(field.distance.shape) < 0.2
     distance = np.where(claimed, np.float32(np.inf), field.distance)
+    open_ = np.full_like(field.distance, np.inf)
+    edges = StackedEdges(*(a[None] for a in (distance, field.direction, field.nearest, claimed, open_)))
     camera = view.camera
     supported = 0
     for trial in range(40):
@@ -96,7 +98,7 @@ def test_one_pass_tallies_what_projection_and_support_do(contour, photograph, po
             T[None],
             camera_arrays([view]),
             contour.samples,
-            (distance[None], field.direction[None], np.full_like(field.distance, np.inf)[None]),
+            edges,
             3.0,
             total,
             count,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -144,7 +142,7 @@ def test_rotation_about_the_axis_is_held_when_asked(contour, truth, photograph):
 def test_too_few_points_are_no_refinement(contour, truth, photograph):
     views = photograph([])
     seen = observer(contour, truth, views)(None, 0)
-    few = Observations(*(getattr(seen, field.name)[:11] for field in fields(Observations)))
+    few = Observations(*(values[:11] for values in seen))
     assert refine_pose(truth.as_matrix(), lambda *_: few, views, iterations=3, inplane=True) is None
 
 

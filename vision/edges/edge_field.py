@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -22,6 +23,24 @@ MINIMUM_SLOPE = 2.0  # grey levels per pixel, below which there is no edge
 
 _STEP_PX = 0.5
 """Between the samples of a profile across the contour."""
+
+
+class StackedEdges(NamedTuple):
+    """The edge fields of V views as the compiled loops read them, and what known parts take from them; written to.
+
+    Attributes:
+        distance: (V, H, W) float32, pixels to the nearest edge pixel; infinite where edges have been claimed.
+        direction: (V, H, W, 2) float32, unit gradient at that edge pixel.
+        nearest: (V, H, W, 2) float32, that edge pixel's x and y; -1 without edges.
+        claimed: (V, H, W) bool, which edges have been claimed.
+        cover: (V, h, w) float32, the depth beyond which known parts hide what is there, by blocks of pixels.
+    """
+
+    distance: Image
+    direction: Image
+    nearest: Image
+    claimed: NDArray[np.bool_]
+    cover: Image
 
 
 @dataclass(frozen=True, eq=False)

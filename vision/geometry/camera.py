@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from numbers import Integral, Real
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -219,11 +220,23 @@ class View:
         return View(np.asarray(image, dtype=np.uint8), camera, self.T_world_camera, self.name)
 
 
-def camera_arrays(views: Sequence[View]) -> tuple[Array, Array]:
-    """T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4) of views."""
+class CameraArrays(NamedTuple):
+    """The cameras of V views as the compiled loops read them.
+
+    Attributes:
+        T_camera_world: (V, 4, 4).
+        intrinsics: (V, 4) fx, fy, cx, cy.
+    """
+
+    T_camera_world: Array
+    intrinsics: Array
+
+
+def camera_arrays(views: Sequence[View]) -> CameraArrays:
+    """The cameras of views."""
     T = np.stack([np.linalg.inv(v.T_world_camera.as_matrix()) for v in views])
     intrinsics = np.array([(v.camera.fx, v.camera.fy, v.camera.cx, v.camera.cy) for v in views], dtype=np.float64)
-    return T, intrinsics
+    return CameraArrays(T, intrinsics)
 
 
 @lru_cache(maxsize=16)

@@ -22,7 +22,7 @@ from vision.grouping.hypotheses import (
 from vision.grouping.kalman_filter import FilterParameters, FilterResult, distances, fit_ellipse, unshrink
 from vision.grouping.score import COVERAGE, DEFAULT_WEIGHTS, SCORE, ScoreWeights
 from vision.grouping.support import EdgeArrays
-from vision.grouping.verification import Limits, select_survivors, verify_hypotheses
+from vision.grouping.verification import EllipseLimits, select_survivors, verify_hypotheses
 from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, Allowed, check, count
 
 Array = NDArray[np.float64]
@@ -167,29 +167,30 @@ def walked_ellipses(
         (S, 5) refined focal parameters and (S, 11) quality, see ``score.py``.
     """
     points, limits = representatives(table, edges), _limits(edges, parameters)
-    ps, groups = _hypotheses(table, points, limits[-2:], parameters)
+    ps, groups = _hypotheses(table, points, (limits.min_semi_major_px, limits.max_semi_major_px), parameters)
     return verify_hypotheses(ps, groups, arrays, points, limits, parameters.weights, parameters.max_attempts)
 
 
-def _limits(edges: EdgeMap, parameters: GroupingParameters) -> Limits:
+def _limits(edges: EdgeMap, parameters: GroupingParameters) -> EllipseLimits:
     smallest, largest = parameters.size_px or (4.0, float(max(edges.index.shape)))
-    return (
-        parameters.tolerance_px,
-        float(np.cos(parameters.max_direction_error_rad)),
-        parameters.min_score,
-        parameters.min_coverage,
-        parameters.max_error_px,
-        smallest,
-        largest,
+    return EllipseLimits(
+        tolerance_px=parameters.tolerance_px,
+        agreement=float(np.cos(parameters.max_direction_error_rad)),
+        min_score=parameters.min_score,
+        min_coverage=parameters.min_coverage,
+        max_error_px=parameters.max_error_px,
+        min_semi_major_px=smallest,
+        max_semi_major_px=largest,
     )
 
 
 def _hypotheses(
-    table: FragmentTable, points: Representatives, size: tuple[float, float], parameters: GroupingParameters
+    table: FragmentTable, points: Representatives, size_px: tuple[float, float], parameters: GroupingParameters
 ) -> tuple[Array, NDArray[np.int64]]:
     """Ellipses through single fragments and through pairs that meet the three constraints."""
+    _, largest = size_px
     constraints = PairConstraints(
-        max_extent_px=2 * size[1],
+        max_extent_px=2 * largest,
         convexity_slack_px=parameters.convexity_slack_px,
         grey_tolerance=parameters.grey_tolerance,
     )
@@ -200,7 +201,7 @@ def _hypotheses(
     singles = np.column_stack([np.arange(len(table)), np.full(len(table), -1)])
     groups = np.vstack([singles, pairs])
     fine, ps = fit_hypotheses(
-        groups, points, table.length_px, parameters.max_pair_error_px, parameters.min_share, size
+        groups, points, table.length_px, parameters.max_pair_error_px, parameters.min_share, size_px
     )
     return ps[fine], groups[fine]
 

@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from vision.geometry.focal_form import norm2
+
+
+class FragmentLimits(NamedTuple):
+    """What a part of a chain must reach to be a fragment; see ``FragmentParameters``."""
+
+    min_length_px: float
+    min_turn_rad: float
+    min_sagitta_px: float
 
 
 @njit(cache=True)
@@ -81,9 +91,8 @@ def _end_normal(gradients, low, high, side):
 def measure_fragments(points, gradients, start, stop, sense, image, limits, offset):
     """Numbers of the parts that are long and bent enough, and the columns of their table.
 
-    Most parts are straight or specks: whatever discards a part is measured first.
+    Most parts are straight or specks: whatever discards a part is measured first. The limits are ``FragmentLimits``.
     """
-    min_length, min_turn, min_sagitta = limits
     n, count = len(start), 0
     kept, turn, length = np.empty(n, np.int64), np.empty(n), np.empty(n)
     endpoints, normals, centre, grey = np.empty((n, 2, 2)), np.empty((n, 3, 2)), np.empty((n, 2)), np.empty((n, 2))
@@ -92,14 +101,14 @@ def measure_fragments(points, gradients, start, stop, sense, image, limits, offs
         if b - a < 5 or side == 0:
             continue
         length[r] = _length(points, a, b)
-        if length[r] < min_length:
+        if length[r] < limits.min_length_px:
             continue
         centre[r, 0], centre[r, 1] = points[a : b + 1, 0].mean(), points[a : b + 1, 1].mean()
         nx, ny = _chord_normal(points, a, b, side, length[r], centre[r, 0], centre[r, 1])
-        if _sagitta(points, a, b, nx, ny) < min_sagitta:
+        if _sagitta(points, a, b, nx, ny) < limits.min_sagitta_px:
             continue
         turn[r] = side * _turn(gradients, a, b)
-        if turn[r] < min_turn:
+        if turn[r] < limits.min_turn_rad:
             continue
         window = min(5, b - a)
         endpoints[r, 0], endpoints[r, 1] = points[a], points[b]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from vision.edges.edge_map import EdgeMap
 from vision.errors import InputError
 from vision.frozen import frozen_arrays
-from vision.grouping.fragment_measures import measure_fragments
+from vision.grouping.fragment_measures import FragmentLimits, measure_fragments
 from vision.settings import NOT_NEGATIVE, POSITIVE, check
 
 Array = NDArray[np.float64]
@@ -143,7 +143,7 @@ def extract_fragments(
     if edges.index.shape != image.shape:
         raise InputError("edge map", got=f"for {edges.index.shape}", expected=f"one of the image {image.shape}")
     start, stop, sense = _divide(edges.points, edges.offsets, parameters.tolerance_px, parameters.corner_factor)
-    limits = (parameters.min_length_px, parameters.min_turn_rad, parameters.min_sagitta_px)
+    limits = FragmentLimits(parameters.min_length_px, parameters.min_turn_rad, parameters.min_sagitta_px)
     kept, *columns = measure_fragments(
         edges.points, edges.gradients, start, stop, sense, image, limits, parameters.grey_offset_px
     )

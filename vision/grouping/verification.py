@@ -6,6 +6,8 @@ The Kalman filter (ellipse_filter.py) has the last word on the few ellipses that
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -36,7 +38,28 @@ from vision.grouping.support import (
 
 Array = NDArray[np.float64]
 
-Limits = tuple[float, float, float, float, float, float, float]
+
+class EllipseLimits(NamedTuple):
+    """What an ellipse must reach, and when an edge point supports it.
+
+    Attributes:
+        tolerance_px: largest distance of a supporting edge point.
+        agreement: least cosine between its gradient and the normal of the ellipse.
+        min_score: least score.
+        min_coverage: least share of the circumference that edges support.
+        max_error_px: largest root mean square distance of the supporting points.
+        min_semi_major_px: smallest semi-major axis.
+        max_semi_major_px: largest one.
+    """
+
+    tolerance_px: float
+    agreement: float
+    min_score: float
+    min_coverage: float
+    max_error_px: float
+    min_semi_major_px: float
+    max_semi_major_px: float
+
 
 MIN_VISIBLE = 0.35  # of the circumference inside the image
 GLANCE_STEPS, REFINE_STEPS = 24, 64
@@ -91,7 +114,7 @@ def search(ps, groups, edges, rep_points, limits, weights, max_attempts, out_ps,
 
     A pair of fragments that both lie on a survivor has nothing new to say and is skipped.
     """
-    tolerance, agreement, min_score, min_coverage, max_error, min_major, max_major = limits
+    tolerance, agreement, min_coverage = limits.tolerance_px, limits.agreement, limits.min_coverage
     n, fragments = len(ps), len(rep_points)
     hits = np.empty(MAX_STEPS, np.int64)
     used = np.zeros(len(edges.points), np.bool_)
@@ -112,14 +135,14 @@ def search(ps, groups, edges, rep_points, limits, weights, max_attempts, out_ps,
         attempts += 1
         if not _settle(p, edges, used, tolerance, agreement, 1.2 * min_coverage, hits):
             continue
-        if not 2 * min_major <= p[4] <= 2 * max_major or axes(p)[3] < MIN_SEMI_MINOR_PX:
+        if not 2 * limits.min_semi_major_px <= p[4] <= 2 * limits.max_semi_major_px or axes(p)[3] < MIN_SEMI_MINOR_PX:
             continue
         steps = gather(p, edges, used, tolerance, agreement, MAX_STEPS, hits)
         drop_short_runs(hits, steps, max(4, steps // 40))
         assess(p, edges, hits, steps, weights, counts, quality)
-        if quality[COVERAGE] < min_coverage or quality[ERROR] > max_error or quality[VISIBLE] < MIN_VISIBLE:
+        if quality[COVERAGE] < min_coverage or quality[ERROR] > limits.max_error_px or quality[VISIBLE] < MIN_VISIBLE:
             continue
-        if quality[SCORE] < PROSPECT * min_score:
+        if quality[SCORE] < PROSPECT * limits.min_score:
             continue
         out_quality[found] = quality
         explained[found] = UNKNOWN
@@ -130,7 +153,7 @@ def search(ps, groups, edges, rep_points, limits, weights, max_attempts, out_ps,
 @njit(cache=True)
 def select(ps, order, concentric, edges, limits, weights, out_hits, out_steps, out_quality):
     """Give every edge point to the best ellipse that wants it; return the numbers of those that keep enough."""
-    tolerance, agreement, min_score, min_coverage, max_error, _, _ = limits
+    tolerance, agreement, min_coverage = limits.tolerance_px, limits.agreement, limits.min_coverage
     used, counts = np.zeros(len(edges.points), np.bool_), np.zeros(len(edges.chain_points), np.int64)
     chosen = [0]
     for h in order:
@@ -140,7 +163,9 @@ def select(ps, order, concentric, edges, limits, weights, out_hits, out_steps, o
         drop_short_runs(hits, steps, max(4, steps // 40))
         assess(ps[h], edges, hits, steps, weights, counts, quality)
         quality[SCORE] = in_context(quality[SCORE], concentric[h], weights)
-        if quality[COVERAGE] < min_coverage or quality[ERROR] > max_error or quality[SCORE] < min_score:
+        if quality[COVERAGE] < min_coverage or quality[ERROR] > limits.max_error_px:
+            continue
+        if quality[SCORE] < limits.min_score:
             continue
         out_steps[row] = steps
         chosen.append(h)
@@ -155,7 +180,7 @@ def verify_hypotheses(
     groups: NDArray[np.int64],
     edges: EdgeArrays,
     points: Representatives,
-    limits: Limits,
+    limits: EllipseLimits,
     weights: ScoreWeights,
     max_attempts: int,
 ) -> tuple[Array, Array]:
@@ -166,8 +191,7 @@ def verify_hypotheses(
         groups: (G, 2) their fragments.
         edges: of the image.
         points: representatives of all fragments.
-        limits: tolerance in pixels, least cosine between gradient and normal, least score, least coverage,
-            largest error in pixels, smallest and largest semi-major axis in pixels.
+        limits: what they must reach.
         weights: of the score.
         max_attempts: only so many of the most promising hypotheses are refined in vain, which bounds the time in
             clutter.
@@ -181,7 +205,7 @@ def verify_hypotheses(
 
 
 def select_survivors(
-    ps: Array, scores: Array, edges: EdgeArrays, limits: Limits, weights: ScoreWeights
+    ps: Array, scores: Array, edges: EdgeArrays, limits: EllipseLimits, weights: ScoreWeights
 ) -> tuple[NDArray[np.int64], list[NDArray[np.int64]], Array]:
     """Let survivors compete for edge points, so that duplicates and parasites of better ellipses go.
 

@@ -107,7 +107,7 @@ def find_candidates(
         keep = workspace.contains(origin, margin_m=0.25 * model.diameter_m)
         origin, axis, seed = origin[keep], axis[keep], seed[keep]
     table = EllipseTable.of(features)
-    votes, matches = count_votes(poses_of(origin, axis), camera_arrays(views), salient.arrays, table)
+    votes, matches = count_votes(poses_of(origin, axis), camera_arrays(views), salient, table)
     taught = [f.extractor for f in model.salient]
     preferred = np.array([features[v][m].extractor == taught[k] for v, m, k in seed], dtype=bool)
     order = np.argsort(-votes, kind="stable")

@@ -136,10 +136,10 @@ class HypothesisGenerator:
         """Refine candidates on their matched ellipses, match again, and weigh their circles about the axis."""
         # A copy, for the compiled loops take read-only arrays for another type, and would be compiled twice.
         poses, matches = candidates.poses(), candidates.matches.copy()
-        cameras, circles = self.scene.cameras, self.circles.arrays
+        cameras, circles = self.scene.cameras, self.circles
         good = np.ones(len(poses), bool)
         for _ in range(2):
-            good &= align_on_ellipses(poses, matches, cameras, circles, table.arrays, 3)
+            good &= align_on_ellipses(poses, matches, cameras, circles, table, 3)
             matches = count_votes(poses, cameras, circles, table)[1]
         good &= (matches >= 0).any(axis=(1, 2))
         poses, matches, seed = poses[good], matches[good], candidates.seed[good]
@@ -165,7 +165,7 @@ class HypothesisGenerator:
         best = np.argsort(-self._loose_support(poses), kind="stable")[: self.parameters.candidates]
         poses, seed = poses[best], seed[best]
         poses = self._aligned_on_rims(self._at_best_depth(poses, seed))
-        return self._pool(poses, count_votes(poses, self.scene.cameras, self.circles.arrays, table)[1], seed)
+        return self._pool(poses, count_votes(poses, self.scene.cameras, self.circles, table)[1], seed)
 
     def supported_by_others(self, T_world_part: Array, view: int, *, inplane: bool) -> Array:
         """A pose that one view alone supports, moved along its line of sight to where the other views agree best.

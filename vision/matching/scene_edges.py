@@ -13,7 +13,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.edges.edge_field import EdgeField
+from vision.edges.edge_field import EdgeField, StackedEdges
 from vision.extraction import Arc
 from vision.frozen import frozen_arrays
 from vision.geometry.camera import View, camera_arrays
@@ -71,20 +71,23 @@ class SceneEdges:
         """
         self.views, self.fields, self.parameters = views, fields, parameters
         self.cameras = camera_arrays(views)
-        self._distance = _stacked([f.distance for f in fields], np.inf)  # the same where an edge is claimed
-        self._direction = _stacked([f.direction for f in fields], 0.0)
-        self._nearest = _stacked([f.nearest for f in fields], -1.0)
-        self._claimed: Mask = np.zeros(self._distance.shape, bool)
         self._reduced = [v.camera.reduced(COVER_BLOCK_PX) for v in views]
         blocks = (max(c.height_px for c in self._reduced), max(c.width_px for c in self._reduced))
-        self._cover = np.full((len(views), *blocks), np.inf, np.float32)
+        distance = _stacked([f.distance for f in fields], np.inf)
+        self._edges = StackedEdges(
+            distance=distance,
+            direction=_stacked([f.direction for f in fields], 0.0),
+            nearest=_stacked([f.nearest for f in fields], -1.0),
+            claimed=np.zeros(distance.shape, bool),
+            cover=np.full((len(views), *blocks), np.inf, np.float32),
+        )
 
     def forget_claims(self) -> None:
         """Set all edges free."""
-        if self._claimed.any():
-            self._distance = _stacked([f.distance for f in self.fields], np.inf)
-        self._claimed[:] = False
-        self._cover[:] = np.inf
+        if self._edges.claimed.any():
+            self._edges.distance[:] = _stacked([f.distance for f in self.fields], np.inf)
+        self._edges.claimed[:] = False
+        self._edges.cover[:] = np.inf
 
     def evidence(self, poses: Array, contour: ModelContour, reach_px: float | None = None) -> Evidence:
         """Support of poses (N, 4, 4) by edges that no other part has claimed, within a reach or the usual one."""
@@ -116,8 +119,7 @@ class SceneEdges:
         Returns:
             (N,) False where too few edges were in reach.
         """
-        edges = (self._direction, self._nearest, self._claimed, self._cover)
-        return align_on_edges(poses, self.cameras, contour.samples, edges, np.array(reaches_px), inplane)
+        return align_on_edges(poses, self.cameras, contour.samples, self._edges, np.array(reaches_px), inplane)
 
     def inplane_support(self, T_world_part: Array, contour: ModelContour, angles: Array) -> Array:
         """Mean support (A,) of the circles that tell the rotation about z, at each of the angles (A,)."""
@@ -176,24 +178,22 @@ class SceneEdges:
 
     def observe(self, T_world_part: Array, contour: ModelContour, reach_px: float) -> Observations:
         """Sub-pixel edges along the visible circles of a posed model, claimed ones left out."""
-        claimed = [self._claimed[v, : f.smooth.shape[0], : f.smooth.shape[1]] for v, f in enumerate(self.fields)]
-        fields = list(zip(self.fields, claimed, strict=True))
-        return observe_edges(T_world_part, contour, self.cameras, fields, reach_px)
+        return observe_edges(T_world_part, contour, self.cameras, self.fields, self._edges.claimed, reach_px)
 
     def claim(self, T_world_part: Array, contour: ModelContour, model: VisionModel, width_px: int = 2) -> None:
         """Mark the edges that a part explains as its own, and what it hides as hidden."""
         for v, reduced in enumerate(self._reduced):
-            hidden = self._cover[v, : reduced.height_px, : reduced.width_px]
-            T_camera_part = self.cameras[0][v] @ T_world_part
+            hidden = self._edges.cover[v, : reduced.height_px, : reduced.width_px]
+            T_camera_part = self.cameras.T_camera_world[v] @ T_world_part
             render_depth(hidden, T_camera_part, reduced, model)
-            edges = (self._distance[v], self._direction[v], self._claimed[v])
             reach, least = self.parameters.reach_px, self.parameters.claim_support
-            claim_edges(T_camera_part, self.cameras[1][v], contour.samples, edges, reach, least, width_px)
+            intrinsics = self.cameras.intrinsics[v]
+            claim_edges(T_camera_part, intrinsics, contour.samples, self._edges, v, reach, least, width_px)
 
     def unclaimed(self, view: int, arcs: Sequence[Arc], most: int) -> list[Arc]:
         """The first arcs of a view, at most so many, of which most points have not been claimed."""
         most_claimed = self.parameters.claimed_share
-        left = (arc for arc in arcs if share_claimed(self._claimed[view], arc.points) < most_claimed)
+        left = (arc for arc in arcs if share_claimed(self._edges.claimed[view], arc.points) < most_claimed)
         return list(islice(left, most))
 
     def _gain(self, support: Array, seen: Array) -> Array:
@@ -204,9 +204,8 @@ class SceneEdges:
         """Sum of the support (N, V, C), and number of the samples (N, V, C, 2) in sight, and of all that face it."""
         shape = (len(poses), len(self.views), len(contour.circle_weight))
         total, count = np.zeros(shape), np.zeros((*shape, 2))
-        edges = (self._distance, self._direction, self._cover)
         poses = np.array(poses, order="C")  # writable, so that the loops are compiled for one type alone
-        tally_support(poses, self.cameras, contour.samples, edges, reach_px, total, count)
+        tally_support(poses, self.cameras, contour.samples, self._edges, reach_px, total, count)
         return total, count
 
 

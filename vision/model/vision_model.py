@@ -7,7 +7,7 @@ grasp coordinates. It is not a CAD model. Metres and radians throughout; ``visio
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from vision.errors import InputError
 from vision.extraction import ExtractionThresholds
 from vision.features import Extractor
-from vision.frozen import frozen_arrays
+from vision.frozen import frozen_arrays, read_only
 from vision.geometry.circle import Circle
 from vision.model.grasp import BoreCoordinates, GraspCoordinates, turns_about_z
 
@@ -148,26 +148,35 @@ class VisionModel:
         return tuple(f for f in self.features if f.role == "supporting")
 
 
-@dataclass(frozen=True, eq=False)
-@frozen_arrays
-class SalientCircles:
-    """The salient circles as arrays: height along z (K,), side (K,) +1 or -1, radius (K,) in metres."""
+class CoaxialCircle(NamedTuple):
+    """A circle about the part's axis: height of its centre along z, side +1 or -1 of its normal, radius in metres."""
+
+    height: float
+    side: float
+    radius: float
+
+
+class SalientCircles(NamedTuple):
+    """The salient circles as the compiled loops read them.
+
+    Attributes:
+        height: (K,) of the centres along z, metres.
+        side: (K,) +1 or -1, the direction of the normals along z.
+        radius: (K,) metres.
+    """
 
     height: Array
     side: Array
     radius: Array
 
-    @property
-    def arrays(self) -> tuple[Array, Array, Array]:
-        """Height, side and radius, for the compiled loops."""
-        return self.height, self.side, self.radius
-
     @classmethod
     def of(cls, model: VisionModel) -> SalientCircles:
         """Of a model; salient features are coaxial circles."""
         circles = [f.circle for f in model.salient]
-        return cls(
-            np.array([c.centre[2] for c in circles]),
-            np.sign([c.normal[2] for c in circles]),
-            np.array([c.radius_m for c in circles]),
-        )
+        height = np.array([c.centre[2] for c in circles])
+        side = np.sign([c.normal[2] for c in circles])
+        return read_only(cls(height, side, np.array([c.radius_m for c in circles])))
+
+    def circle(self, number: int | np.intp) -> CoaxialCircle:
+        """One of them."""
+        return CoaxialCircle(float(self.height[number]), float(self.side[number]), float(self.radius[number]))

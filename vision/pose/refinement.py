@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vision.frozen import frozen_arrays
-from vision.geometry.camera import View, camera_arrays
+from vision.geometry.camera import CameraArrays, View, camera_arrays
 from vision.model.projection import moved, rotated
 from vision.pose.calibration import EXACT, CalibrationError
 from vision.pose.edge_errors import USUAL, EdgeErrors
@@ -50,7 +50,7 @@ def refine_pose(
     Args:
         T_world_part: 4x4 start.
         observe: measures again at every iterate; gets the pose and the iteration's number.
-        views: the views that ``Observations.view`` counts.
+        views: the views that ``Observations.of_view`` counts.
         iterations: number of steps.
         inplane: False holds the rotation about the part's z axis, which coaxial circles cannot tell.
         robust_scale: residual, in robust standard deviations, beyond which an edge point is ignored.
@@ -64,7 +64,7 @@ def refine_pose(
     cameras = camera_arrays(views)
     for iteration in range(iterations):
         seen = observe(T, iteration)
-        if len(seen.view) < 12:
+        if len(seen.of_view) < 12:
             return None
         J, residuals = _linearise(T, seen, cameras)
         scale = max(1.4826 * float(np.median(np.abs(residuals))), 0.3)
@@ -84,20 +84,20 @@ def refine_pose(
     return _outcome(T, N, J, residuals, weights, seen, inplane, shared, added)
 
 
-def _linearise(T: Array, seen: Observations, cameras: tuple[Array, Array]) -> tuple[Array, Array]:
+def _linearise(T: Array, seen: Observations, cameras: CameraArrays) -> tuple[Array, Array]:
     """Rows d(residual)/d(translation, rotation) and the residuals, both over sigma."""
-    J, residuals = np.empty((len(seen.view), 6)), np.empty(len(seen.view))
-    _write_rows(T, cameras, (seen.view, seen.points_part, seen.pixels, seen.normals, seen.sigma_px), J, residuals)
+    J, residuals = np.empty((len(seen.of_view), 6)), np.empty(len(seen.of_view))
+    _write_rows(T, cameras, seen, J, residuals)
     return J, residuals
 
 
 @njit(cache=True, error_model="numpy")
 def _write_rows(T, cameras, seen, J, residuals):
     """Write what :func:`_linearise` returns."""
-    view, points, pixels, normals, sigma_px = seen
-    for i in range(len(view)):
-        M, (fx, fy, cx, cy) = cameras[0][view[i]], cameras[1][view[i]]
-        ax, ay, az = rotated(T, points[i])
+    pixels, normals, sigma_px = seen.pixels, seen.normals, seen.sigma_px
+    for i in range(len(seen.of_view)):
+        M, (fx, fy, cx, cy) = cameras.T_camera_world[seen.of_view[i]], cameras.intrinsics[seen.of_view[i]]
+        ax, ay, az = rotated(T, seen.points_part[i])
         x, y, z = moved(M, (ax + T[0, 3], ay + T[1, 3], az + T[2, 3]))
         # The normal component of the projection's derivative, in the camera frame and then in the world frame.
         gx, gy = normals[i, 0] * fx, normals[i, 1] * fy
@@ -193,7 +193,7 @@ def _sums_by_rim(rows: Array, moved: Array, seen: Observations) -> tuple[Array, 
         The sums, and of each of the G the number of its view and of its circle.
     """
     circles = int(seen.circle.max()) + 1
-    rims, of_point = np.unique(seen.view * circles + seen.circle, return_inverse=True)
+    rims, of_point = np.unique(seen.of_view * circles + seen.circle, return_inverse=True)
     return _one_hot(of_point) @ (moved[:, :, None] * rows), rims // circles, rims % circles
 
 
@@ -202,12 +202,12 @@ def _one_hot(group: NDArray[np.intp]) -> Array:
     return np.asarray(group == np.unique(group)[:, None], dtype=np.float64)
 
 
-def _common_shift(T: Array, cameras: tuple[Array, Array], sigma_px: float) -> Array:
+def _common_shift(T: Array, cameras: CameraArrays, sigma_px: float) -> Array:
     """Covariance (6, 6) of an error across the line of sight that is the same in all views, as light makes it."""
-    eyes = [-M[:3, :3].T @ M[:3, 3] for M in cameras[0]]
+    eyes = [-M[:3, :3].T @ M[:3, 3] for M in cameras.T_camera_world]
     sight = T[:3, 3] - np.mean(eyes, axis=0)
     distance = np.linalg.norm(sight)
-    sigma = sigma_px * distance / cameras[1][0, 0]
+    sigma = sigma_px * distance / cameras.intrinsics[0, 0]
     out = np.zeros((6, 6))
     out[:3, :3] = sigma**2 * (np.eye(3) - np.outer(sight, sight) / distance**2)
     return out

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from vision.edges.peaks import log_peak, slope_across
+from vision.features import RegionAttributes
 from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Array
 from vision.regions.attributes import Contour
@@ -38,9 +40,24 @@ class Boundaries:
     ends: NDArray[np.intp]
 
 
+class Outline(NamedTuple):
+    """A boundary of a region in whole pixels.
+
+    Attributes:
+        contour: (M, 2) closed.
+        is_hole: whether it is an inner boundary.
+        attributes: of the region.
+    """
+
+    contour: Contour
+    is_hole: bool
+    attributes: RegionAttributes
+
+
 def refine_boundaries(
-    contours: Sequence[tuple[Contour, bool]],
-    gradient: tuple[NDArray[np.int16], NDArray[np.int16]],
+    outlines: Sequence[Outline],
+    dx: NDArray[np.int16],
+    dy: NDArray[np.int16],
     min_gradient: float,
     spacing: int,
 ) -> Boundaries:
@@ -49,20 +66,21 @@ def refine_boundaries(
     Points without a peak are dropped; that is where a region ends without an edge, or at the image border.
 
     Args:
-        contours: closed pixel contours (M, 2), and whether each is an inner boundary.
-        gradient: of the blurred image along x and y, each (H, W).
+        outlines: of regions.
+        dx: (H, W) gradient of the blurred image along x.
+        dy: (H, W) the same along y.
         min_gradient: smallest peak, in the unit of the gradient.
         spacing: every how many contour points one is taken.
 
     Returns:
-        A boundary for each contour.
+        A boundary for each outline.
     """
-    if not contours:
+    if not outlines:
         return Boundaries(np.empty((0, 2)), np.empty((0, 2)), np.zeros(1, np.intp))
-    pixels = np.concatenate([contour for contour, _ in contours])
-    ends = np.cumsum([0, *(len(contour) for contour, _ in contours)])
-    is_hole = np.array([is_hole for _, is_hole in contours])
-    return Boundaries(*_refine(pixels, ends, is_hole, *gradient, float(min_gradient), spacing))
+    pixels = np.concatenate([outline.contour for outline in outlines])
+    ends = np.cumsum([0, *(len(outline.contour) for outline in outlines)])
+    is_hole = np.array([outline.is_hole for outline in outlines])
+    return Boundaries(*_refine(pixels, ends, is_hole, dx, dy, float(min_gradient), spacing))
 
 
 @njit(cache=True)

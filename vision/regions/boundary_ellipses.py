@@ -22,7 +22,7 @@ _CELL_PX = 6.0
 """Length of circumference that one point covers."""
 
 
-class Limits(NamedTuple):
+class BoundaryLimits(NamedTuple):
     """When a boundary passes for an ellipse: the settings of ``BoundaryFitParameters``, and of its points.
 
     Attributes:
@@ -67,7 +67,7 @@ class BoundaryEllipses:
     ends: NDArray[np.intp]
 
 
-def find_ellipses(boundaries: Boundaries, limits: Limits) -> BoundaryEllipses:
+def find_ellipses(boundaries: Boundaries, limits: BoundaryLimits) -> BoundaryEllipses:
     """Find the ellipses on boundaries, on each the one that most points agree with first.
 
     Points that an ellipse on an earlier boundary explains are left out, for the two sides of a rim see the same

@@ -12,8 +12,8 @@ from vision.errors import InputError
 from vision.features import EllipseFeature
 from vision.geometry.ellipse import Ellipse
 from vision.regions.attributes import AttributeConstraints
-from vision.regions.boundaries import refine_boundaries
-from vision.regions.boundary_ellipses import Limits, find_ellipses
+from vision.regions.boundaries import Outline, refine_boundaries
+from vision.regions.boundary_ellipses import BoundaryLimits, find_ellipses
 from vision.regions.segmentation import Region, RegionGrowingParameters, Segmentation, check_gray, gradient, segment
 from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, check, count
 
@@ -100,17 +100,18 @@ def region_ellipses(
         )
     constraints = constraints or AttributeConstraints()
     regions = segmentation.prune(constraints)
-    outer = [(region.contour, False, region.attributes) for region in regions]
-    inner = [(hole, True, region.attributes) for region in regions for hole in region.holes]
+    outer = [Outline(region.contour, False, region.attributes) for region in regions]
+    inner = [Outline(hole, True, region.attributes) for region in regions for hole in region.holes]
     # A contour has up to a third fewer points than pixels of length: its diagonal steps are longer than one.
     least_px, _ = constraints.perimeter_px or (0.0, np.inf)
     shortest = max(np.pi * fit.min_semi_axis_px, least_px / np.sqrt(2))
     # Outer boundaries first: an ellipse that two regions share gets the attributes of the region inside it.
-    candidates = [c for c in outer + inner if len(c[0]) > shortest]
-    slopes = gradient(gray, growing.blur_px)
-    boundaries = refine_boundaries([c[:2] for c in candidates], slopes, 32 * growing.edge_low, _SPACING)
+    outlines = [outline for outline in outer + inner if len(outline.contour) > shortest]
+    dx, dy = gradient(gray, growing.blur_px)
+    boundaries = refine_boundaries(outlines, dx, dy, 32 * growing.edge_low, _SPACING)
     blur_variance = growing.blur_px**2 + _CAMERA_AND_SOBEL_VARIANCE
-    found = find_ellipses(boundaries, Limits(**asdict(fit), blur_variance=blur_variance, spacing_px=float(_SPACING)))
+    limits = BoundaryLimits(**asdict(fit), blur_variance=blur_variance, spacing_px=float(_SPACING))
+    found = find_ellipses(boundaries, limits)
     score = found.support / (1 + (found.rms_px / fit.max_rms_px) ** 2)
     best_first = np.argsort(-score, kind="stable")
     # Sums over a chain of correlated errors vary more than sums over independent ones, by this factor.
@@ -122,7 +123,7 @@ def region_ellipses(
             found.points[found.ends[i] : found.ends[i + 1]],
             float(found.support[i]),
             float(score[i]),
-            candidates[found.boundary[i]][2],
+            outlines[found.boundary[i]].attributes,
         )
         for i in best_first[_is_distinct(found.geometric[best_first])]
     ]
