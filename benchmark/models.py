@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
-from benchmark.world.mesh_file import MeshReference
+from benchmark.meshes.mesh_file import MeshReference
 from vision.errors import InputError
 from vision.model import model_file
 from vision.model.vision_model import VisionModel

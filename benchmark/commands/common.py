@@ -58,7 +58,7 @@ def split_parts(text: str | None) -> tuple[str, ...] | None:
     """
     if text is None:
         return None
-    from benchmark.world.mesh_file import MeshReference
+    from benchmark.meshes.mesh_file import MeshReference
     from benchmark.world.parts import PART_NAMES, get_part, unknown_part
 
     _check_no_file_is_cut(text)
@@ -67,7 +67,7 @@ def split_parts(text: str | None) -> tuple[str, ...] | None:
         if MeshReference.parse(name) is not None:
             get_part(name)
         elif name not in PART_NAMES:
-            raise unknown_part(name)
+            raise unknown_part(name, got=name or "nothing")
     return kinds
 
 
@@ -77,7 +77,7 @@ def _check_no_file_is_cut(text: str) -> None:
     Raises:
         InputError: one is.
     """
-    from benchmark.world.mesh_file import MeshReference
+    from benchmark.meshes.mesh_file import MeshReference
 
     pieces = re.split("([,+])", text)
     for start, end in itertools.combinations(range(0, len(pieces) + 1), 2):

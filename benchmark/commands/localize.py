@@ -81,8 +81,8 @@ def localize(
 
 def _models(part: str | None, files: Sequence[Path]) -> list[VisionModel]:
     from benchmark.commands.common import split_parts
+    from benchmark.meshes.mesh_file import MeshReference
     from benchmark.models import load_model as load_shipped
-    from benchmark.world.mesh_file import MeshReference
     from vision.model.model_file import load_model
 
     if (part is None) == (not files):

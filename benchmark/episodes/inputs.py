@@ -8,8 +8,8 @@ from pathlib import Path
 
 from benchmark.config import SweepConfig
 from benchmark.localizers.registry import user_file
+from benchmark.meshes.mesh_file import MeshReference
 from benchmark.models import model_path
-from benchmark.world.mesh_file import MeshReference
 from vision.errors import InputError
 
 

@@ -19,9 +19,9 @@ from benchmark.config import EpisodeConfig, episode_seed
 from benchmark.episodes.episode import EpisodeObserver, run_episode
 from benchmark.episodes.evaluation import Verdict
 from benchmark.episodes.metrics import hull_points, match_limit_mm, pose_errors
+from benchmark.meshes.mesh_file import MeshReference
 from benchmark.records.episode_record import EpisodeRecord
 from benchmark.world.cell import WorkCell
-from benchmark.world.mesh_file import MeshReference
 from benchmark.world.part import Symmetry
 from vision.drawing.strokes import Colour, Image, Strokes, enlarge, model_strokes, paint, plain_strokes
 from vision.errors import InputError

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmark.world.mesh_file import MeshReference
+from benchmark.meshes.mesh_file import MeshReference
 from benchmark.world.part import Part
 from benchmark.world.parts import get_part
 from vision.errors import InputError

@@ -21,8 +21,9 @@ from manifold3d import Manifold
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmark.world import assets, convex_pieces, mesh_file, mesh_symmetry
-from benchmark.world.mesh_file import MeshReference
+from benchmark.meshes import mesh_file, symmetry
+from benchmark.meshes.mesh_file import MeshReference
+from benchmark.world import assets, convex_pieces
 from benchmark.world.part import Part, Symmetry
 from vision.errors import ResourceError
 from vision.kernel_cache import can_be_written, user_folders
@@ -38,19 +39,10 @@ _CYLINDER = 1.02  # radius up to which a vertex belongs to a bore, over the bore
 _OFF_AXIS_MM = (0.0013, 0.0007)
 _PROPERTIES = "part.json"
 _VISUAL = "visual.obj"
-_SOURCES = tuple(
-    Path(__file__).with_name(name)
-    for name in (
-        "assets.py",
-        "convex_pieces.py",
-        "mesh_bodies.py",
-        "mesh_file.py",
-        "mesh_part.py",
-        "mesh_shells.py",
-        "mesh_surface.py",
-        "mesh_symmetry.py",
-        "mesh_topology.py",
-    )
+_HERE = Path(__file__).parent
+_SOURCES = (
+    *(_HERE / name for name in ("assets.py", "convex_pieces.py", "mesh_part.py")),
+    *sorted((_HERE.parent / "meshes").glob("*.py")),
 )
 
 
@@ -168,7 +160,7 @@ def _build(reference: MeshReference, directory: Path) -> None:
 
 
 def _write(solid: Manifold, directory: Path) -> None:
-    fold = mesh_symmetry.symmetry_fold(solid)
+    fold = symmetry.symmetry_fold(solid)
     cut = convex_pieces.convex_pieces(solid, fold)
     vertices, faces = assets.canonical(solid)
     _write_text(directory / _VISUAL, assets.obj_text(vertices, faces, assets.crease_normals(vertices, faces)))

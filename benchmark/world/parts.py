@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from benchmark.meshes.mesh_file import MeshReference
 from benchmark.world import assets
 from benchmark.world.designs import DESIGNS, Design
 from benchmark.world.grasps import grasps_of
-from benchmark.world.mesh_file import MeshReference
 from benchmark.world.mesh_part import part_from_mesh
 from benchmark.world.part import Part, Rim, Symmetry
 from vision.errors import FileFormatError, InputError
@@ -36,7 +36,7 @@ def get_part(name: str) -> Part:
     if (mesh := MeshReference.parse(name)) is not None:
         return part_from_mesh(mesh.path, mesh.unit)
     if name not in DESIGNS:
-        raise unknown_part(name)
+        raise unknown_part(name, got=repr(name))
     design = DESIGNS[name]
     meshes = assets.ASSETS / "meshes"
     try:
@@ -67,8 +67,8 @@ def get_part(name: str) -> Part:
     )
 
 
-def unknown_part(name: str) -> InputError:
-    """The error that says which parts there are."""
+def unknown_part(name: str, got: str) -> InputError:
+    """The error that says which parts there are, and what may be wrong with a name."""
     file, _, unit = name.rpartition(":")
     if MeshReference.parse(file) is not None:
         do = f"Write :m or :mm for the unit, not :{unit}."
@@ -77,7 +77,7 @@ def unknown_part(name: str) -> InputError:
     else:
         do = "Commas separate parts, and + mixes them."
     expected = f"one of {', '.join(PART_NAMES)}, or a mesh file (OBJ, STL or PLY)"
-    return InputError("part", got=name or "nothing", expected=expected, do=do)
+    return InputError("part", got=got, expected=expected, do=do)
 
 
 @cache

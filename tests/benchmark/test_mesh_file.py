@@ -10,8 +10,9 @@ import pytest
 import trimesh
 from manifold3d import CrossSection, Manifold
 
-from benchmark.world import mesh_bodies, mesh_surface
-from benchmark.world.mesh_file import MeshReference, read_solid
+from benchmark.meshes import bodies
+from benchmark.meshes import surface as mesh_surface
+from benchmark.meshes.mesh_file import MeshReference, read_solid
 from vision.errors import InputError
 
 PROFILE = [(8, 0), (30, 0), (30, 8), (22, 8), (22, 18), (8, 18)]
@@ -246,8 +247,8 @@ def test_bodies_that_leave_a_doubt_are_refused(name, tmp_path):
 
 def test_what_a_surface_through_itself_encloses_twice_is_measured():
     crossing = revolved(FACES_UP, 48)
-    with pytest.raises(mesh_bodies.BodiesError, match=r"\d+\.\d% of its volume enclosed twice"):
-        mesh_bodies.one_solid(surface(crossing))
+    with pytest.raises(bodies.BodiesError, match=r"\d+\.\d% of its volume enclosed twice"):
+        bodies.one_solid(surface(crossing))
 
 
 def surface(corners):

@@ -32,6 +32,7 @@ from benchmark.records.store import read_records
 from tests.benchmark.test_child_processes import BOUND_S, started
 from vision.errors import ResourceError
 
+ROOT = Path(__file__).resolve().parents[2]
 CONFIG = SweepConfig(parts=("hub", "cover1"), scenes=3)
 EPISODE = EpisodeConfig(("hub",))
 FIRST = "hub/000"
@@ -279,7 +280,14 @@ def output(program: str, directory: Path) -> str:
     script = directory / "program.py"
     script.write_text(program)
     command = [sys.executable, str(script), str(directory / "out")]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=BOUND_S)
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=BOUND_S,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )
     assert done.stderr == ""
     return done.stdout.strip()
 

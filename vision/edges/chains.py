@@ -25,7 +25,7 @@ _TANGENT_OF_SIXTEENTH = np.tan(np.pi / 8)
 
 
 @njit(cache=True)
-def _sector(tx, ty):  # type: ignore[no-untyped-def]
+def _sector(tx, ty):
     """Number of the sixteenth of the full turn that a direction lies in, in no particular order."""
     long, short = max(abs(tx), abs(ty)), min(abs(tx), abs(ty))
     return (tx > 0) | (ty > 0) << 1 | (abs(tx) > abs(ty)) << 2 | (short > _TANGENT_OF_SIXTEENTH * long) << 3
@@ -72,7 +72,7 @@ _AHEAD_DX, _AHEAD_DY = _steps_ahead()
 
 
 @njit(cache=True)
-def _next_neighbour(free, gx, gy, at, sign, stride):  # type: ignore[no-untyped-def]
+def _next_neighbour(free, gx, gy, at, sign, stride):
     """Step (dx, dy) to the free one among the 8 neighbours that continues the walk best, or (0, 0).
 
     From straight ahead to the sides the first one that has the same gradient; else the one whose cosines between step
@@ -101,7 +101,7 @@ def _next_neighbour(free, gx, gy, at, sign, stride):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def _across_gap(free, gx, gy, at, sign, stride, max_gap):  # type: ignore[no-untyped-def]
+def _across_gap(free, gx, gy, at, sign, stride, max_gap):
     """Step (dx, dy) to the free pixel ahead along the tangent, beyond the neighbours, that goes on there; or (0, 0).
 
     The two ends must agree much better than neighbours need to. Of every ring of pixels around only those are looked
@@ -135,7 +135,7 @@ def _across_gap(free, gx, gy, at, sign, stride, max_gap):  # type: ignore[no-unt
 
 
 @njit(cache=True)
-def _walk(free, gx, gy, at, sign, stride, max_gap, out, count, begin):  # type: ignore[no-untyped-def]
+def _walk(free, gx, gy, at, sign, stride, max_gap, out, count, begin):
     """Follow the edge from a pixel along sign * tangent; append pixel numbers to out, return the new count.
 
     The chain so far lies in out[begin:count].
@@ -155,7 +155,7 @@ def _walk(free, gx, gy, at, sign, stride, max_gap, out, count, begin):  # type: 
 
 
 @njit(cache=True)
-def _link(free, starts, gx, gy, stride, min_length, max_gap):  # type: ignore[no-untyped-def]
+def _link(free, starts, gx, gy, stride, min_length, max_gap):
     """See :func:`link_pixels`; all arrays flat and with a margin. ``free``, not 0 at ``starts``, is used up."""
     order, buffer = np.empty(len(starts), np.int64), np.empty(len(starts), np.int64)
     offsets = [0]
@@ -179,7 +179,7 @@ def _link(free, starts, gx, gy, stride, min_length, max_gap):  # type: ignore[no
 
 
 @njit(cache=True)
-def _magnitude_at(gx, gy, width, height, x, y):  # type: ignore[no-untyped-def]
+def _magnitude_at(gx, gy, width, height, x, y):
     """Gradient magnitude at a sub-pixel place, bilinear; the gradients are flat arrays."""
     x0 = min(max(int(np.floor(x)), 0), width - 2)
     y0 = min(max(int(np.floor(y)), 0), height - 2)
@@ -191,14 +191,14 @@ def _magnitude_at(gx, gy, width, height, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _magnitude(gx, gy, at):  # type: ignore[no-untyped-def]
+def _magnitude(gx, gy, at):
     """Gradient magnitude in a pixel; single precision, whose roots are several times as fast, is enough."""
     a, b = np.float32(gx[at]), np.float32(gy[at])
     return np.sqrt(a * a + b * b)
 
 
 @njit(cache=True)
-def localise(order, gx, gy):  # type: ignore[no-untyped-def]
+def localise(order, gx, gy):
     """Sub-pixel points: the vertex of a parabola through the gradient magnitude along the gradient."""
     height, width = gx.shape
     flat_x, flat_y = gx.ravel(), gy.ravel()

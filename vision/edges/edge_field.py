@@ -141,7 +141,7 @@ def profile_weights(reach_px: float) -> Array:
 
 
 @njit(cache=True)
-def _of_nearest_edge(edges, labels, gx, gy):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _of_nearest_edge(edges, labels, gx, gy):
     """(H, W, 2) unit gradient at the edge pixel that has the same label, and (H, W, 2) where that pixel is."""
     height, width = edges.shape
     of_label = np.zeros((labels.max() + 1, 4), np.float32)
@@ -161,7 +161,7 @@ def _of_nearest_edge(edges, labels, gx, gy):  # type: ignore[no-untyped-def]  # 
 
 
 @njit(cache=True)
-def _measure(smooth, points, normals, weights, minimum_slope, positions, slopes):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _measure(smooth, points, normals, weights, minimum_slope, positions, slopes):
     """Write what :meth:`EdgeField.measure` returns."""
     profile, slope = np.empty(len(weights), np.float32), np.zeros(len(weights), np.float32)
     for i in range(len(points)):
@@ -172,7 +172,7 @@ def _measure(smooth, points, normals, weights, minimum_slope, positions, slopes)
 
 
 @njit(cache=True)
-def edge_along(smooth, x, y, nx, ny, weights, profile, slope, minimum_slope=MINIMUM_SLOPE):  # type: ignore[no-untyped-def]  # pragma: no cover
+def edge_along(smooth, x, y, nx, ny, weights, profile, slope, minimum_slope=MINIMUM_SLOPE):
     """Offset and signed slope of the edge along one normal, see :meth:`EdgeField.measure`; NaN and 0 without an edge.
 
     Args:
@@ -208,13 +208,13 @@ def edge_along(smooth, x, y, nx, ny, weights, profile, slope, minimum_slope=MINI
 
 
 @njit(cache=True)
-def _log_strength(slope):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _log_strength(slope):
     """Logarithm of the size of a slope."""
     return np.log(max(float(abs(slope)), 1e-3))
 
 
 @njit(cache=True, fastmath={"contract"})
-def _interpolate(image, x, y):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _interpolate(image, x, y):
     """Bilinear value of an image (H, W) float32 at (x, y); beyond the border the border goes on."""
     height, width = image.shape
     # In single precision with fused products, bit for bit as cv2.remap; far outside would not fit into whole numbers.

@@ -9,7 +9,7 @@ from vision.geometry.focal_form import norm2
 
 
 @njit(cache=True)
-def _grey_along(image, points, gradients, start, stop, offset):  # type: ignore[no-untyped-def]
+def _grey_along(image, points, gradients, start, stop, offset):
     """Mean grey level at a signed offset along the gradient from every second point."""
     height, width = image.shape
     total, n = 0.0, 0
@@ -22,7 +22,7 @@ def _grey_along(image, points, gradients, start, stop, offset):  # type: ignore[
 
 
 @njit(cache=True)
-def _length(points, a, b):  # type: ignore[no-untyped-def]
+def _length(points, a, b):
     """Length of the polygon through points[a:b + 1]."""
     total = 0.0
     for k in range(a + 1, b + 1):
@@ -31,7 +31,7 @@ def _length(points, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _turn(gradients, a, b):  # type: ignore[no-untyped-def]
+def _turn(gradients, a, b):
     """Angle by which the gradient turns from a to b, +: from x towards y.
 
     It adds up along the arc from gradients a few points apart, which bridges their noise.
@@ -46,7 +46,7 @@ def _turn(gradients, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _chord_normal(points, a, b, side, length, cx, cy):  # type: ignore[no-untyped-def]
+def _chord_normal(points, a, b, side, length, cx, cy):
     """Unit normal of the chord of an arc with the centre of mass (cx, cy), towards the inside."""
     x, y = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
     if norm2(x, y) < 0.15 * length:
@@ -58,7 +58,7 @@ def _chord_normal(points, a, b, side, length, cx, cy):  # type: ignore[no-untype
 
 
 @njit(cache=True)
-def _sagitta(points, a, b, nx, ny):  # type: ignore[no-untyped-def]
+def _sagitta(points, a, b, nx, ny):
     """How far an arc bulges beyond its chord, whose inner normal is given."""
     largest = 0.0
     for k in range(a, b + 1):
@@ -67,7 +67,7 @@ def _sagitta(points, a, b, nx, ny):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _end_normal(gradients, low, high, side):  # type: ignore[no-untyped-def]
+def _end_normal(gradients, low, high, side):
     """Unit normal towards the inside, from the mean of gradients[low:high + 1]."""
     gx, gy = 0.0, 0.0
     for k in range(low, high + 1):
@@ -78,7 +78,7 @@ def _end_normal(gradients, low, high, side):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def measure_parts(points, gradients, start, stop, sense, image, limits, offset):  # type: ignore[no-untyped-def]
+def measure_parts(points, gradients, start, stop, sense, image, limits, offset):
     """Numbers of the parts that are long and bent enough, and the columns of their table.
 
     Most parts are straight or specks: whatever discards a part is measured first.

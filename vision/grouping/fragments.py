@@ -151,7 +151,7 @@ def extract_fragments(
 
 
 @njit(cache=True)
-def _polygon(points, first, last, tolerance, keep, stack):  # type: ignore[no-untyped-def]
+def _polygon(points, first, last, tolerance, keep, stack):
     """Mark the vertices of a polygon within tolerance of points[first:last + 1] (Ramer, Douglas, Peucker).
 
     ``stack`` (N, 2) is scratch.
@@ -179,7 +179,7 @@ def _polygon(points, first, last, tolerance, keep, stack):  # type: ignore[no-un
 
 
 @njit(cache=True)
-def _divide(points, offsets, tolerance, corner_factor):  # type: ignore[no-untyped-def]
+def _divide(points, offsets, tolerance, corner_factor):
     """First and one-past-last point, and sense of turning (+1: from x towards y), of the parts of all chains."""
     keep, stack = np.zeros(len(points), np.bool_), np.empty((len(points) + 1, 2), np.int64)
     starts, stops, senses = [0], [0], [0]

@@ -53,7 +53,7 @@ DEFAULT_WEIGHTS = ScoreWeights()
 
 
 @njit(cache=True)
-def _own_share(hits, steps, edges, counts, px_per_step):  # type: ignore[no-untyped-def]
+def _own_share(hits, steps, edges, counts, px_per_step):
     """Share of the supporting chains that lies on the outline, weighted by their support.
 
     ``counts`` is a zeroed scratch array with a number per chain, and is left zeroed.
@@ -74,7 +74,7 @@ def _own_share(hits, steps, edges, counts, px_per_step):  # type: ignore[no-unty
 
 
 @njit(cache=True)
-def _clutter(p, edges, hits, steps):  # type: ignore[no-untyped-def]
+def _clutter(p, edges, hits, steps):
     """Share of places beside the outline, at 3 and 5 px on either side, where an edge runs across its direction."""
     number_at, gradients = edges.number_at, edges.gradients
     height, width = number_at.shape
@@ -99,7 +99,7 @@ def _clutter(p, edges, hits, steps):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def assess(p, edges, hits, steps, weights, counts, quality):  # type: ignore[no-untyped-def]
+def assess(p, edges, hits, steps, weights, counts, quality):
     """Quality of a walked outline: see the columns above.
 
     ``weights`` are those of the score; ``counts`` is a zeroed scratch array with a number per chain.
@@ -149,7 +149,7 @@ def assess(p, edges, hits, steps, weights, counts, quality):  # type: ignore[no-
 
 
 @njit(cache=True)
-def log_odds(quality, weights):  # type: ignore[no-untyped-def]
+def log_odds(quality, weights):
     """Logarithm of the odds that a walked outline is a true ellipse."""
     minor, coverage = quality[MINOR], quality[COVERAGE]
     return (
@@ -169,7 +169,7 @@ def log_odds(quality, weights):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def in_context(score, concentric, weights):  # type: ignore[no-untyped-def]
+def in_context(score, concentric, weights):
     """The score of an ellipse that has a concentric neighbour with the score ``concentric``, 0 for none."""
     return score / (score + (1 - score) * np.exp(-weights.concentric * concentric))
 
@@ -195,7 +195,7 @@ def concentric_support(ps: Array, scores: Array) -> Array:
 
 
 @njit(cache=True)
-def _shapes(ps):  # type: ignore[no-untyped-def]
+def _shapes(ps):
     """(S, 6) centre, semi-minor axis, geometric mean of the semi-axes, and flatness along the doubled angle."""
     shapes = np.empty((len(ps), 6))
     for k in range(len(ps)):
@@ -206,7 +206,7 @@ def _shapes(ps):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _are_concentric(a, b):  # type: ignore[no-untyped-def]
+def _are_concentric(a, b):
     """Whether two ellipses (rows of :func:`_shapes`) have one centre and one shape, and different sizes."""
     apart = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2
     if apart > (_MAX_ECCENTRICITY * min(a[2], b[2])) ** 2:
@@ -216,7 +216,7 @@ def _are_concentric(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _concentric_support(ps, scores):  # type: ignore[no-untyped-def]
+def _concentric_support(ps, scores):
     shapes, best = _shapes(ps), np.zeros(len(ps))
     for i in range(len(ps)):
         for j in range(len(ps)):

@@ -45,7 +45,7 @@ UNKNOWN = -1
 
 
 @njit(cache=True)
-def _explains(p, points, tolerance):  # type: ignore[no-untyped-def]
+def _explains(p, points, tolerance):
     """Whether a fragment, by its representative points (16, 2), lies on the ellipse p."""
     misses = 0
     for k in range(len(points)):
@@ -57,7 +57,7 @@ def _explains(p, points, tolerance):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _is_explained(group, ps, count, rep_points, tolerance, explained):  # type: ignore[no-untyped-def]
+def _is_explained(group, ps, count, rep_points, tolerance, explained):
     """Whether one of the first ``count`` ellipses explains all fragments of a group.
 
     ``explained`` (S, F) remembers what is asked: 1 for yes, 0 for no.
@@ -76,7 +76,7 @@ def _is_explained(group, ps, count, rep_points, tolerance, explained):  # type: 
 
 
 @njit(cache=True)
-def _settle(p, edges, used, tolerance, agreement, min_share, hits):  # type: ignore[no-untyped-def]
+def _settle(p, edges, used, tolerance, agreement, min_share, hits):
     """Alternate gathering and refining while the tolerance narrows, in place; False when support is lost."""
     for widen in (1.5, 0.5, 0.0):
         steps = gather(p, edges, used, tolerance + widen, agreement, REFINE_STEPS, hits)
@@ -86,9 +86,7 @@ def _settle(p, edges, used, tolerance, agreement, min_share, hits):  # type: ign
 
 
 @njit(cache=True)
-def search(  # type: ignore[no-untyped-def]
-    ps, groups, edges, rep_points, limits, weights, max_attempts, out_ps, out_quality
-):
+def search(ps, groups, edges, rep_points, limits, weights, max_attempts, out_ps, out_quality):
     """Refine and verify hypotheses, best first; write the survivors and return their number.
 
     A pair of fragments that both lie on a survivor has nothing new to say and is skipped.
@@ -130,9 +128,7 @@ def search(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def select(  # type: ignore[no-untyped-def]
-    ps, order, concentric, edges, limits, weights, out_hits, out_steps, out_quality
-):
+def select(ps, order, concentric, edges, limits, weights, out_hits, out_steps, out_quality):
     """Give every edge point to the best ellipse that wants it; return the numbers of those that keep enough."""
     tolerance, agreement, min_score, min_coverage, max_error, _, _ = limits
     used, counts = np.zeros(len(edges.points), np.bool_), np.zeros(len(edges.chain_points), np.int64)

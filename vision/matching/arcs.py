@@ -72,7 +72,7 @@ def arc_poses(
 
 
 @njit(cache=True)
-def _starts(middle, T_world_camera, intrinsics, circle, heights):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _starts(middle, T_world_camera, intrinsics, circle, heights):
     """(H, 4, 4) poses of flat lying parts at several heights whose circle passes through the middle of an arc.
 
     Args:
@@ -100,7 +100,7 @@ def _starts(middle, T_world_camera, intrinsics, circle, heights):  # type: ignor
 
 
 @njit(cache=True)
-def _fit_arc(poses, points, T_camera_world, intrinsics, circle):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _fit_arc(poses, points, T_camera_world, intrinsics, circle):
     """Fit poses to an arc in place, held by the priors on tilt and depth; False where it does not fit."""
     height, side, radius = circle
     n = len(points)
@@ -150,6 +150,6 @@ def _fit_arc(poses, points, T_camera_world, intrinsics, circle):  # type: ignore
 
 
 @njit(cache=True)
-def _facing(T):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _facing(T):
     """Negative where the part's z axis points towards the camera."""
     return T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3]

@@ -78,7 +78,7 @@ class Candidates:
 
 
 @njit(cache=True)
-def _distinct(origin, axis, near_m, parallel, preferred):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def _distinct(origin, axis, near_m, parallel, preferred):
     """Which candidates (N,) are not alike one kept before them; those kept are preferred where any like them is."""
     kept, alike = np.ones(len(origin), np.bool_), preferred.copy()
     for i in range(len(origin)):

@@ -10,9 +10,7 @@ from vision.model.projection import chain, is_covered, list_inside, project_samp
 
 
 @njit(cache=True, error_model="numpy")
-def tally_support(  # type: ignore[no-untyped-def]
-    poses, cameras, samples, edges, reach_px, total, count
-):  # pragma: no cover - compiled
+def tally_support(poses, cameras, samples, edges, reach_px, total, count):
     """Add the edge support of each circle's samples to ``total`` and their number to ``count``.
 
     The same as :meth:`ModelContour.project` followed by :meth:`vision.edges.edge_field.EdgeField.support`, in one
@@ -48,7 +46,7 @@ def tally_support(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _count(samples, image, pixel, inside, distance, cover, reach_px, count, near):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def _count(samples, image, pixel, inside, distance, cover, reach_px, count, near):
     """Count samples circle by circle; write those with an edge near them to ``near``, and return how many."""
     found = 0
     for i in inside:
@@ -62,7 +60,7 @@ def _count(samples, image, pixel, inside, distance, cover, reach_px, count, near
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _support(edge, nx, ny, reach_px):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def _support(edge, nx, ny, reach_px):
     """Support of a sample by an edge in reach: the nearer, and the more it runs along the contour, the better."""
     distance, direction_x, direction_y = edge
     nearness = (reach_px - distance) / (reach_px - 1.0)
@@ -71,7 +69,7 @@ def _support(edge, nx, ny, reach_px):  # type: ignore[no-untyped-def]  # pragma:
 
 
 @njit(cache=True, error_model="numpy")
-def claim_edges(T, intrinsics, samples, edges, reach_px, least, width_px):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def claim_edges(T, intrinsics, samples, edges, reach_px, least, width_px):
     """Claim the edges in one view that support the samples of a posed contour.
 
     Args:
@@ -105,7 +103,7 @@ def claim_edges(T, intrinsics, samples, edges, reach_px, least, width_px):  # ty
 
 
 @njit(cache=True)
-def share_claimed(claimed, points):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def share_claimed(claimed, points):
     """Share of points (N, 2) in pixels that lie on claimed edges (H, W)."""
     height, width = claimed.shape
     count = 0

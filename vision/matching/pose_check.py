@@ -19,6 +19,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from vision.errors import InputError
 from vision.extraction import run_extractors
 from vision.features import EllipseFeature
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import Camera, View
 from vision.geometry.circle import circle_candidates
 from vision.geometry.ellipse import conic_matrices, geometric_parameters
@@ -44,6 +45,7 @@ FARTHEST_M = 200.0
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class PoseCheck:
     """What the pictures say about the camera poses.
 
@@ -98,6 +100,7 @@ def check_poses(
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class _Sighting:
     """The circles behind the ellipses of one view: two to each.
 

@@ -47,9 +47,7 @@ def votes_of(
 
 
 @njit(cache=True)
-def predict_circle(  # type: ignore[no-untyped-def]
-    T, intrinsics, height, side, radius, out
-):  # pragma: no cover - compiled
+def predict_circle(T, intrinsics, height, side, radius, out):
     """The ellipse that a circle about the part's axis makes in a view; False when it is turned away.
 
     The cone of rays d through a circle of centre c, normal n and radius r is
@@ -95,7 +93,7 @@ def predict_circle(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _tally_votes(poses, cameras, circles, ellipses, votes, matches):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _tally_votes(poses, cameras, circles, ellipses, votes, matches):
     T_camera_world, intrinsics = cameras
     height, side, radius = circles
     first, geometric, support = ellipses

@@ -237,7 +237,7 @@ def _is_before(rim: Circle, side: float, height: float, slack: float) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def _project(T, intrinsics, samples):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def _project(T, intrinsics, samples):
     """Index, pixels and unit normals of the samples in sight."""
     size = len(samples.circle)
     image, shown = np.empty((5, size)), np.empty(size, np.bool_)

@@ -19,7 +19,7 @@ FEWEST_POINTS = 12
 
 
 @njit(cache=True)
-def align_on_ellipses(poses, matches, cameras, circles, table, iterations):  # type: ignore[no-untyped-def]  # pragma: no cover
+def align_on_ellipses(poses, matches, cameras, circles, table, iterations):
     """Move poses to where their salient circles pass through the edge points of the matched ellipses.
 
     The viewing ray of an edge point meets the plane of the circle; the direction from the centre to there gives the
@@ -62,7 +62,7 @@ def align_on_ellipses(poses, matches, cameras, circles, table, iterations):  # t
 
 
 @njit(cache=True)
-def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: ignore[no-untyped-def]  # pragma: no cover
+def align_on_edges(poses, cameras, samples, edges, reaches, inplane):
     """Move poses to where a sampled contour lies on the nearest edges of all views.
 
     Args:
@@ -97,7 +97,7 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
 
 
 @njit(cache=True, error_model="numpy")
-def _rows_of_edges(pose, T_camera_world, intrinsics, samples, edges, reach, rows, residuals, count):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _rows_of_edges(pose, T_camera_world, intrinsics, samples, edges, reach, rows, residuals, count):
     """Write the rows of the edges nearest to the samples in one view, from row ``count`` on; the next free row."""
     direction, nearest, claimed, cover = edges
     height, width = claimed.shape
@@ -127,7 +127,7 @@ def _rows_of_edges(pose, T_camera_world, intrinsics, samples, edges, reach, rows
 
 
 @njit(cache=True)
-def rows_of_circle(T, T_camera_world, intrinsics, points, circle, rows, residuals, count):  # type: ignore[no-untyped-def]  # pragma: no cover
+def rows_of_circle(T, T_camera_world, intrinsics, points, circle, rows, residuals, count):
     """Write the rows of edge points of a circle about the part's axis, from row ``count`` on; the next free row.
 
     The viewing ray of a point meets the plane of the circle; the direction from the centre to there gives the nearest
@@ -165,7 +165,7 @@ def rows_of_circle(T, T_camera_world, intrinsics, points, circle, rows, residual
 
 
 @njit(cache=True)
-def projection_row(T, T_camera_world, intrinsics, point, tangent, seen, rows, residuals, count):  # type: ignore[no-untyped-def]  # pragma: no cover
+def projection_row(T, T_camera_world, intrinsics, point, tangent, seen, rows, residuals, count):
     """Write row ``count``: d(distance along the normal)/d(translation, rotation about the origin), and the distance.
 
     Returns False, and leaves the row to the next point, where the point is behind the camera.
@@ -194,7 +194,7 @@ def projection_row(T, T_camera_world, intrinsics, point, tangent, seen, rows, re
 
 
 @njit(cache=True)
-def _step(T, rows, residuals, inplane):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _step(T, rows, residuals, inplane):
     """One Gauss-Newton step with Tukey's weights, applied to the pose."""
     scale = ROBUST_SCALE * max(1.4826 * np.median(np.abs(residuals)), NOISE_FLOOR_PX)
     N, g = np.zeros((6, 6)), np.zeros(6)
@@ -223,7 +223,7 @@ def _step(T, rows, residuals, inplane):  # type: ignore[no-untyped-def]  # pragm
 
 
 @njit(cache=True)
-def solve_normal_equations(N, g):  # type: ignore[no-untyped-def]  # pragma: no cover
+def solve_normal_equations(N, g):
     """The solution of N x = g by Cholesky's decomposition; directions that nothing determines stay zero."""
     n = len(g)
     L, x = np.zeros((n, n)), np.zeros(n)
@@ -255,7 +255,7 @@ def solve_normal_equations(N, g):  # type: ignore[no-untyped-def]  # pragma: no 
 
 
 @njit(cache=True)
-def turn_and_move(T, step):  # type: ignore[no-untyped-def]  # pragma: no cover
+def turn_and_move(T, step):
     """Translate, and turn about the part's origin by a rotation vector."""
     for a in range(3):
         T[a, 3] += step[a]

@@ -52,7 +52,7 @@ def observe_edges(
 
 
 @njit(cache=True, error_model="numpy")
-def _observe(T_world_part, T_camera_world, intrinsics, samples, smooth, claimed, weights):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _observe(T_world_part, T_camera_world, intrinsics, samples, smooth, claimed, weights):
     """Numbers (N,) of the samples with an edge in one view, the edges' pixels and the contour's normals (N, 2)."""
     height, width = claimed.shape
     size = len(samples.circle)

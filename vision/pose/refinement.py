@@ -92,7 +92,7 @@ def _linearise(T: Array, seen: Observations, cameras: tuple[Array, Array]) -> tu
 
 
 @njit(cache=True, error_model="numpy")
-def _write_rows(T, cameras, seen, J, residuals):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def _write_rows(T, cameras, seen, J, residuals):
     """Write what :func:`_linearise` returns."""
     view, points, pixels, normals, sigma_px = seen
     for i in range(len(view)):

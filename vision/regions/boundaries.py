@@ -66,7 +66,7 @@ def refine_boundaries(
 
 
 @njit(cache=True)
-def _refine(pixels, ends, is_hole, dx, dy, min_gradient, spacing):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _refine(pixels, ends, is_hole, dx, dy, min_gradient, spacing):
     """The arrays of :class:`Boundaries` of contours that lie in ``pixels`` as these do."""
     points, outwards = np.empty((len(pixels), 2)), np.empty((len(pixels), 2))
     new_ends = np.zeros_like(ends)
@@ -86,7 +86,7 @@ def _refine(pixels, ends, is_hole, dx, dy, min_gradient, spacing):  # type: igno
 
 
 @njit(cache=True)
-def _normals(contour, is_hole, spacing):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _normals(contour, is_hole, spacing):
     """Unit normals (N, 2) at every ``spacing``-th point of a closed contour, away from the region."""
     n = len(contour)
     reach = min(_TANGENT_REACH, max(n // 8, 1))
@@ -106,7 +106,7 @@ def _normals(contour, is_hole, spacing):  # type: ignore[no-untyped-def]  # prag
 
 
 @njit(cache=True)
-def _innermost_peak(x, y, normal, dx, dy, min_gradient):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _innermost_peak(x, y, normal, dx, dy, min_gradient):
     """Offset along a normal from (x, y) of the first peak of the gradient that is large enough; NaN without one."""
     before, here = 0.0, 0.0
     for k in range(len(_PROFILE)):

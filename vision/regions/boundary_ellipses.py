@@ -77,7 +77,7 @@ def find_ellipses(boundaries: Boundaries, limits: Limits) -> BoundaryEllipses:
 
 
 @njit(cache=True)
-def _find(points, outwards, ends, limits):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _find(points, outwards, ends, limits):
     """The arrays of :class:`BoundaryEllipses`."""
     most = (len(ends) - 1) * limits.max_per_boundary
     p, covariance, geometric = np.empty((most, 5)), np.empty((most, 5, 5)), np.empty((most, 5))
@@ -124,7 +124,7 @@ def _find(points, outwards, ends, limits):  # type: ignore[no-untyped-def]  # pr
 
 
 @njit(cache=True)
-def _is_promising(rough, count, limits):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _is_promising(rough, count, limits):
     """Whether an ellipse (5,) and the number of points that agree with it are nearly good enough to pass."""
     semi_major, semi_minor = rough[2], rough[3]
     # Steps along a pixel contour are at most a diagonal long, so that few points cannot cover much.
@@ -134,7 +134,7 @@ def _is_promising(rough, count, limits):  # type: ignore[no-untyped-def]  # prag
 
 
 @njit(cache=True)
-def _settle(p, is_on, points, outwards, limits):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _settle(p, is_on, points, outwards, limits):
     """Fit the ellipse to the points that agree with it, and again, until these are the same points.
 
     Returns:
@@ -156,21 +156,21 @@ def _settle(p, is_on, points, outwards, limits):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _passes(geometric, count, rms, support, limits):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _passes(geometric, count, rms, support, limits):
     """Whether an ellipse is large and round enough, and well covered by enough points close by."""
     is_round = geometric[3] >= max(limits.min_semi_axis_px, limits.min_axis_ratio * geometric[2])
     return is_round and count >= _MIN_POINTS and rms <= limits.max_rms_px and support >= limits.min_support
 
 
 @njit(cache=True)
-def covered(geometric, points, cell_px):  # type: ignore[no-untyped-def]  # pragma: no cover
+def covered(geometric, points, cell_px):
     """The part of the circumference, cut into cells of about the given length, that has points (N, 2) near it."""
     cells = min(max(int(np.pi * (geometric[2] + geometric[3]) / cell_px), 12), 360)
     return part_covered(geometric, points, cells)
 
 
 @njit(cache=True)
-def geometric_of(p):  # type: ignore[no-untyped-def]  # pragma: no cover
+def geometric_of(p):
     """Centre, semi-axes and angle (5,) of focal parameters (5,)."""
     x, y = p[0] - p[2], p[1] - p[3]
     semi_major = p[4] / 2
@@ -179,7 +179,7 @@ def geometric_of(p):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _focal(geometric):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _focal(geometric):
     """The inverse of :func:`geometric_of`."""
     x, y, semi_major, semi_minor, angle = geometric
     half = np.sqrt(max(semi_major**2 - semi_minor**2, 0.0))
@@ -188,7 +188,7 @@ def _focal(geometric):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _conic(geometric):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _conic(geometric):
     """The symmetric conic (3, 3), negative inside, of a :func:`geometric_of`."""
     x, y, semi_major, semi_minor, angle = geometric
     c, s = np.cos(angle) / semi_major, np.sin(angle) / semi_major

@@ -47,7 +47,7 @@ def trace_contours(labels: NDArray[np.int32], wanted: NDArray[np.bool_]) -> Cont
 
 
 @njit(cache=True)
-def _trace(labels, wanted):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _trace(labels, wanted):
     """The arrays of :class:`Contours`."""
     height, width = labels.shape
     marks = np.zeros(labels.shape, np.int8)
@@ -70,7 +70,7 @@ def _trace(labels, wanted):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _follow(labels, marks, x, y, is_hole, chain, n):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _follow(labels, marks, x, y, is_hole, chain, n):
     """Follow one contour from its first pixel into ``chain``, at ``n``: this, or a longer one, and the end."""
     label = labels[y, x]
     stop = direction = 0 if is_hole else 4
@@ -105,6 +105,6 @@ def _follow(labels, marks, x, y, is_hole, chain, n):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def _is(labels, x, y, label):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _is(labels, x, y, label):
     """Whether a pixel lies in the image and has this label."""
     return 0 <= x < labels.shape[1] and 0 <= y < labels.shape[0] and labels[y, x] == label

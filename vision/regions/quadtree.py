@@ -94,7 +94,7 @@ def split(gray: NDArray[np.uint8], edges: NDArray[np.bool_], settings: SplitAndM
 
 
 @njit(cache=True)
-def _split(gray, edges, depth, max_variance, max_range):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _split(gray, edges, depth, max_variance, max_range):
     """The arrays of the :class:`Quadtree` whose largest blocks have the side 2 ** ``depth``."""
     height, width = gray.shape
     leaf_of_pixel = np.full((height, width), -1, np.int32)
@@ -129,7 +129,7 @@ def _split(gray, edges, depth, max_variance, max_range):  # type: ignore[no-unty
 
 
 @njit(cache=True)
-def _uncovered(leaf_of_pixel, blocks, side, max_variance, max_range):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _uncovered(leaf_of_pixel, blocks, side, max_variance, max_range):
     """Numbers of the homogeneous blocks of one size that lie in no leaf yet, row by row."""
     found = np.empty(blocks.shape[0] * blocks.shape[1] + 1, np.int32)
     n = 0
@@ -145,7 +145,7 @@ def _uncovered(leaf_of_pixel, blocks, side, max_variance, max_range):  # type: i
 
 
 @njit(cache=True)
-def _negative(numbers):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _negative(numbers):
     """Where numbers (N,) are below 0."""
     found = np.empty(len(numbers) + 1, np.int32)
     n = 0
@@ -156,7 +156,7 @@ def _negative(numbers):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _cover(leaf_of_pixel, blocks, columns, side, n):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _cover(leaf_of_pixel, blocks, columns, side, n):
     """Number the pixels of blocks, ``columns`` of which lie in a row, from leaf ``n`` on; the number after these."""
     for block in blocks:
         top, left = block // columns * side, block % columns * side
@@ -168,7 +168,7 @@ def _cover(leaf_of_pixel, blocks, columns, side, n):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def _quarter_pixels(gray, edges):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _quarter_pixels(gray, edges):
     """(H // 2, W // 2, 4) sum, sum of squares, least and greatest grey of blocks of four pixels.
 
     A block with an edge pixel has the greatest grey 2 ** 30, so that no such block is homogeneous.
@@ -187,7 +187,7 @@ def _quarter_pixels(gray, edges):  # type: ignore[no-untyped-def]  # pragma: no 
 
 
 @njit(cache=True)
-def _quarter(blocks):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _quarter(blocks):
     """The same over four blocks each."""
     quarters = np.empty((blocks.shape[0] // 2, blocks.shape[1] // 2, 4), blocks.dtype)
     for row in range(quarters.shape[0]):

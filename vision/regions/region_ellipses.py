@@ -129,7 +129,7 @@ def region_ellipses(
 
 
 @njit(cache=True)
-def _is_distinct(geometric):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _is_distinct(geometric):
     """Which ellipses (N, 5) do not repeat one that is kept before them, up to what a pixel grid can tell apart."""
     kept = np.zeros(len(geometric), np.bool_)
     for i in range(len(geometric)):

@@ -209,7 +209,7 @@ def _sum_leaves(leaf_labels: Labels, tree: Quadtree) -> _Sums:
 
 
 @njit(cache=True)
-def _sums(leaf_labels, x, y, size, grey_sum, grey_square_sum, count):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _sums(leaf_labels, x, y, size, grey_sum, grey_square_sum, count):
     """Leaves sorted by label, where each label starts, boxes (count, 4), sums of area, grey and its square."""
     starts = np.zeros(count + 1, np.intp)
     box = np.zeros((count, 4), np.int32)

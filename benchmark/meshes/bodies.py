@@ -13,17 +13,16 @@ import numpy as np
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
-from benchmark.world.mesh_shells import Shell, shells_of
-from benchmark.world.mesh_surface import GAP_MM, TURN, Surface
+from benchmark.meshes.shells import Shell, shells_of
+from benchmark.meshes.surface import GAP_MM, TURN, Surface
 
 Floats = NDArray[np.float64]
 
 APART_MM = 0.1  # bodies further from one another's hull than this do not make one part
 MOST_TURNED = 0.25  # share of a sheet's area that may be turned before it is in doubt which way the sheet looks
 TWICE = 1e-3  # share of a shell's volume that its own surface may enclose twice: neighbouring fillets cross a little
-CRUMB_MM3 = GAP_MM**3  # a shell that encloses less is a crumb, or a sheet with a back
 WALL_MM = 0.1  # around a hollow; what is nearer to the surface touches it
-SMALL_MM = 0.1  # and it is no crumb if it is longer than this
+SMALL_MM = 0.1  # up to this length, a shell as thin as a gap is a crumb
 NEGLIGIBLE = 1e-6  # of a body's volume
 SLICES = 64
 
@@ -81,9 +80,9 @@ def _is_crumb(shell: Shell) -> bool:
     """Whether a shell is too small to count.
 
     Raises:
-        BodiesError: it is not small, and encloses nothing.
+        BodiesError: it is as thin as nothing, but not small.
     """
-    if abs(shell.volume) > CRUMB_MM3:
+    if 2 * abs(shell.volume) > GAP_MM * shell.area:
         return False
     size = np.ptp(shell.vertices, axis=0)
     if size.max() > SMALL_MM:
@@ -96,12 +95,12 @@ def _manifold(shell: Shell) -> Manifold:
     """A shell for exact cuts.
 
     Raises:
-        BodiesError: it passes through itself.
+        BodiesError: it passes through itself, or touches itself.
     """
     solid = _as_is(shell)
     outwards = solid if shell.volume > 0 else _as_is(shell.inside_out())
     _check_simple(outwards)
-    if abs(solid.volume() - shell.volume) > NEGLIGIBLE * abs(shell.volume):
+    if shell.touches_itself or abs(solid.volume() - shell.volume) > NEGLIGIBLE * abs(shell.volume):
         raise BodiesError("a surface that touches itself", "Unite what touches in the program that made it.")
     return solid
 

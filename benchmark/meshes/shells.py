@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.world.mesh_surface import Surface
-from benchmark.world.mesh_topology import Edges, components, edges_of, sheets
+from benchmark.meshes.surface import Surface
+from benchmark.meshes.topology import Edges, components, edges_of, once, sheets
 from vision.frozen import frozen_arrays
 
 Floats = NDArray[np.float64]
@@ -41,6 +41,18 @@ class Shell:
         """What it encloses in mm³; negative where it faces inwards."""
         a, b, c = (self.vertices - self.vertices.mean(axis=0))[self.faces].transpose(1, 0, 2)
         return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+    @property
+    def area(self) -> float:
+        """The area of its triangles in mm²."""
+        a, b, c = self.vertices[self.faces].transpose(1, 0, 2)
+        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+    @property
+    def touches_itself(self) -> bool:
+        """Whether two of its triangles have the same corners: only those of different bodies should."""
+        place = np.unique(self.vertices, axis=0, return_inverse=True)[1].ravel()
+        return len(once(place[self.faces])) < len(self.faces)
 
     def inside_out(self) -> Shell:
         """The shell that faces the other way."""

@@ -13,8 +13,8 @@ import trimesh
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
-from benchmark.world.mesh_bodies import BodiesError, one_solid
-from benchmark.world.mesh_surface import OpenSurfaceError, closed_surface
+from benchmark.meshes.bodies import BodiesError, one_solid
+from benchmark.meshes.surface import OpenSurfaceError, closed_surface
 from vision.errors import FileFormatError, InputError
 
 Floats = NDArray[np.float64]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from benchmark.world.mesh_topology import (
+from benchmark.meshes.topology import (
     components,
     do_agree,
     edges_of,
