@@ -1,4 +1,20 @@
-"""Two-phase matching of a vision model against a scene (Section 6): hypotheses, confirmation, refinement."""
+"""Two-phase matching of a vision model against a scene (Section 6).
+
+It reads::
+
+    candidates = every ellipse of every view, read as every salient circle
+    for minimum in minimum_scores:                  # from sure to doubtful
+        hypotheses += the promising candidates, developed on the edges of all views
+                                                    # in the first round those of the taught extractor alone
+        while the best hypothesis reaches the minimum:
+            settle its turn about the axis by the supporting features
+            refine it on the edges, or on its ellipses where those are too few
+            if it still stands, where no known part lies:
+                accept it: it claims its edges and hides what is behind it
+                weigh the hypotheses near it again, without these edges
+        candidates -= those tried, and those where a part was found
+    once more, for the arcs where no ellipse is left
+"""
 
 from __future__ import annotations
 
