@@ -72,8 +72,9 @@ smoke: install gl  ## Run a sweep of a few scenes and hold it against its thresh
 	$(BIN)/focalpick table "$$out/smoke"
 	$(BIN)/focalpick check "$$out/smoke" --thresholds benchmark/thresholds/smoke.toml
 
-# What neither draws nor calculates, and would take long; everything else in a folder is played, new files too.
-ELSEWHERE := $(addprefix --ignore=tests/benchmark/test_,child_processes.py cli.py sweep.py store_attacks.py)
+# Long tests are left out, and files of tests that neither draw nor calculate; all others are played, new files too.
+ELSEWHERE := $(addprefix --ignore=tests/benchmark/test_,child_processes.py cli.py mesh_file.py mesh_part.py store_attacks.py \
+    sweep.py sweep_deaths.py sweep_inputs.py)
 # Another processor is imitated by telling each library to take this one for less than it is: Mesa and numpy for one
 # without AVX, OpenCV for one without AVX2, Numba for any of the family, OpenBLAS for the oldest one with AVX2. Numba
 # keeps the kernels for each processor apart by itself.
@@ -85,7 +86,7 @@ other-machine: install gl  ## Play a plainer processor, then OSMesa: tests, and 
 	play() {  # NAME TESTS VARIABLE=VALUE...: the tests there, and how far its poses are from those of this machine
 	    local name=$$1 tests=$$2; shift 2
 	    echo "Playing another machine: $$*"
-	    env "$$@" $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist worksteal -m "not browser" $(PYTEST_ARGS) \
+	    env "$$@" $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist worksteal -m "not browser and not slow and not sweep" $(PYTEST_ARGS) \
 	        $(ELSEWHERE) $$tests
 	    env "$$@" $(BIN)/focalpick sweep --preset smoke --out "$$out/$$name"
 	    $(BIN)/focalpick compare "$$out/here" "$$out/$$name"

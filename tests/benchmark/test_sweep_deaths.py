@@ -146,11 +146,10 @@ def test_workers_killed_at_random_change_no_record(tmp_path: Path) -> None:
 
     def kill_workers() -> None:
         while not ended.wait(chance.uniform(0.1, 0.8)):
-            workers = [c for c in psutil.Process().children() if "spawn_main" in " ".join(c.cmdline())]
-            if workers:
-                with contextlib.suppress(psutil.NoSuchProcess):
-                    chance.choice(workers).send_signal(chance.choice([signal.SIGKILL, signal.SIGTERM]))
-                    killed.append(True)
+            with contextlib.suppress(psutil.NoSuchProcess, IndexError):
+                workers = [c for c in psutil.Process().children() if "spawn_main" in " ".join(c.cmdline())]
+                chance.choice(workers).send_signal(chance.choice([signal.SIGKILL, signal.SIGTERM]))
+                killed.append(True)
 
     killer = threading.Thread(target=kill_workers)
     killer.start()

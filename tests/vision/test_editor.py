@@ -295,16 +295,19 @@ def work_without_a_report():
 @pytest.mark.slow
 def test_closing_a_worker_ends_it_whatever_it_is_doing():
     async def use() -> None:
+        others = multiprocessing.active_children()
         worker = Worker()
         assert await worker.run(count_to, 1, on_report=print) == 1
-        children = multiprocessing.active_children()
+        children = [child for child in multiprocessing.active_children() if child not in others]
         running = asyncio.create_task(worker.run(work_without_a_report))
         await asyncio.sleep(0.2)
         worker.close()
         with pytest.raises(StoppedError):
             await asyncio.wait_for(running, 60)
         assert children
-        assert not any(child.is_alive() for child in children)
+        for child in children:
+            child.join(60)
+            assert not child.is_alive()
 
     asyncio.run(use())
 

@@ -15,7 +15,7 @@ from vision.geometry.camera import camera_arrays
 from vision.geometry.circle import Circle, project_circle
 from vision.matching.edge_support import tally_support
 from vision.model.contour import PATTERN_SAMPLES, SAMPLE_SPACING_PX, ModelContour
-from vision.model.grasp import turns_about_axis
+from vision.model.grasp import turns_about_z
 from vision.model.projection import hides
 from vision.model.vision_model import CircleFeature, Pattern, VisionModel
 
@@ -166,7 +166,7 @@ def test_a_pattern_is_sampled_alike_in_every_sector(slotted):
     assert numbers.tolist() == [8, 9, 10]
     assert contour.circle_copies[numbers].tolist() == [3, 0, 0]
     of_file = slotted.patterns[0]
-    for turn, number in zip(turns_about_axis(3), numbers, strict=True):
+    for turn, number in zip(turns_about_z(3).as_matrix(), numbers, strict=True):
         mine = contour.circle == number
         assert 0.5 * PATTERN_SAMPLES < mine.sum() <= PATTERN_SAMPLES
         assert np.allclose(contour.points[mine], contour.points[contour.circle == 8] @ turn.T)
