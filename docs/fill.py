@@ -28,6 +28,7 @@ from vision.errors import FocalpickError, InputError
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
 ACCURACY = ROOT / "docs" / "accuracy.md"
+TUNING = ROOT / "docs" / "tuning.md"
 IMAGES = ROOT / "docs" / "images"
 
 PICTURES = {
@@ -135,12 +136,19 @@ def fill_timing(file: Path) -> None:
     _put(ACCURACY, "timing", f"Measured:\n\n{file.read_text(encoding='utf-8')}")
 
 
+def fill_tuning(directory: Path) -> None:
+    """What the scripts of `benchmark/tuning` printed with `--format md`: NAME.md for each of them."""
+    for name in ("ellipse_score", "edge_sigmas", "confirmation"):
+        _put(TUNING, name, f"Measured:\n\n{(directory / f'{name}.md').read_text(encoding='utf-8')}")
+
+
 FILLS: dict[str, Callable[[Path], None]] = {
     "table1": fill_table1,
     "shopfloor": fill_shopfloor,
     "calibration": fill_calibration,
     "teaching": fill_teaching,
     "timing": fill_timing,
+    "tuning": fill_tuning,
 }
 
 

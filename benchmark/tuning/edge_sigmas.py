@@ -19,8 +19,8 @@ from benchmark.episodes.metrics import ELLIPSOID_SHARE
 from benchmark.report.grid import NOTHING, Grid, rate_text
 from benchmark.report.rate import Rate
 from benchmark.seeds import SCENES
+from benchmark.tuning.covariance_sample import NAMES, CovarianceSample, covariance_sample
 from benchmark.tuning.options import Report, Size, run, seeds_in_words
-from benchmark.tuning.pose_errors import NAMES, PoseErrors, pose_errors
 from benchmark.tuning.scenes import known_scenes
 from vision.pose.edge_errors import USUAL
 
@@ -33,7 +33,7 @@ FACTORS = np.arange(0.5, 4.0, 0.01)
 RESAMPLES, REFITS = 2000, 100
 
 
-def fit_sigmas(errors: PoseErrors, start: Array) -> Array:
+def fit_sigmas(errors: CovarianceSample, start: Array) -> Array:
     """Standard deviations (K,) in pixels of the greatest likelihood, looked for from others on."""
 
     def loss(squares: Array) -> tuple[float, Array]:
@@ -45,18 +45,18 @@ def fit_sigmas(errors: PoseErrors, start: Array) -> Array:
     return np.asarray(UNIT_PX * np.sqrt(found.x))
 
 
-def enlargement(errors: PoseErrors, sigmas: Array) -> float:
+def enlargement(errors: CovarianceSample, sigmas: Array) -> float:
     """The smallest factor on all sigmas with which the ellipsoids hold the share that they claim."""
     wide = (f for f in FACTORS if inside(errors, f * sigmas, ELLIPSOID_SHARE).mean() >= ELLIPSOID_SHARE)
     return float(next(wide, FACTORS[-1]))
 
 
-def inside(errors: PoseErrors, sigmas: Array, share: float) -> NDArray[np.bool_]:
+def inside(errors: CovarianceSample, sigmas: Array, share: float) -> NDArray[np.bool_]:
     """(N,) whether the true pose lies in the ellipsoid that is to hold this share of them."""
     return np.asarray(errors.squared(sigmas) < chdtri(errors.components, 1 - share))
 
 
-def intervals(errors: PoseErrors, sigmas: Array) -> tuple[Array, Array]:
+def intervals(errors: CovarianceSample, sigmas: Array) -> tuple[Array, Array]:
     """95 % intervals (K,) of fitted sigmas, from fits to resampled scenes."""
     rng = np.random.default_rng(0)
     fits = [fit_sigmas(errors.take(_resampled(errors, rng)), sigmas) for _ in range(REFITS)]
@@ -64,13 +64,13 @@ def intervals(errors: PoseErrors, sigmas: Array) -> tuple[Array, Array]:
     return low, high
 
 
-def _resampled(errors: PoseErrors, rng: np.random.Generator) -> NDArray[np.intp]:
+def _resampled(errors: CovarianceSample, rng: np.random.Generator) -> NDArray[np.intp]:
     """Numbers of the poses of as many scenes, drawn with replacement."""
     scenes = np.unique(errors.scene)
     return np.concatenate([np.flatnonzero(errors.scene == s) for s in rng.choice(scenes, len(scenes))])
 
 
-def gain(errors: PoseErrors, sigmas: Array, others: Array) -> tuple[float, float, float]:
+def gain(errors: CovarianceSample, sigmas: Array, others: Array) -> tuple[float, float, float]:
     """Log likelihood per pose beyond that of other sigmas, with its 95 % interval from resampled scenes."""
     rng, gained = np.random.default_rng(0), errors.losses(others) - errors.losses(sigmas)
     low, high = np.quantile([gained[_resampled(errors, rng)].mean() for _ in range(RESAMPLES)], [0.025, 0.975])
@@ -80,7 +80,7 @@ def gain(errors: PoseErrors, sigmas: Array, others: Array) -> tuple[float, float
 def measure(size: Size) -> Report:
     """Fit and evaluate on so many scenes of each part."""
     code = np.array([getattr(USUAL, name) for name in NAMES])
-    found = {use: pose_errors(known_scenes(use, size)) for use in ("tuning", "validation")}
+    found = {use: covariance_sample(known_scenes(use, size)) for use in ("tuning", "validation")}
     kept = {use: errors.take(errors.squared(code) < GROSS) for use, errors in found.items()}
     tuning, validation = kept["tuning"], kept["validation"]
     fitted = fit_sigmas(tuning, code)
@@ -109,7 +109,7 @@ def sigma_grid(sets: dict[str, Array], low: Array, high: Array) -> Grid:
     )
 
 
-def outcome_grid(sets: dict[str, Array], errors: PoseErrors) -> Grid:
+def outcome_grid(sets: dict[str, Array], errors: CovarianceSample) -> Grid:
     """The validation, one row for each set of sigmas; the first is what the others are held against."""
     first, *_ = sets.values()
     rows = []

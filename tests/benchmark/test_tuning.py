@@ -17,9 +17,9 @@ from benchmark.episodes.evaluation import TruePiece
 from benchmark.seeds import PICTURES
 from benchmark.tuning import confirmation, edge_sigmas, ellipse_score
 from benchmark.tuning.candidates import TERMS, candidates_of
+from benchmark.tuning.covariance_sample import NAMES, CovarianceSample, covariance_sample
 from benchmark.tuning.edge_sigmas import enlargement, fit_sigmas, inside
 from benchmark.tuning.ellipse_score import f_difference, fit_logistic, fit_weights
-from benchmark.tuning.pose_errors import NAMES, PoseErrors, pose_errors
 from benchmark.tuning.scenes import KnownScene
 from vision import Workspace, load_views
 from vision.grouping.score import DEFAULT_WEIGHTS
@@ -80,7 +80,7 @@ def scene():
 
 
 def test_the_covariance_of_a_pose_is_made_of_the_shared_errors_and_the_noise(scene):
-    errors = pose_errors([scene])
+    errors = covariance_sample([scene])
     assert len(errors) == 4
     usual = errors.covariance(np.array([getattr(USUAL, name) for name in NAMES]))
     expected = sorted(np.trace(e.covariance) for e in scene.localize(MatchingParameters()).estimates)
@@ -97,7 +97,7 @@ def simulated():
     drawn = rng.multivariate_normal(np.zeros(6), noise + np.einsum("k,kij->ij", sigmas**2, unit), count)
     drawn[:, 5] = 0.0  # does not count
     shape = (count, *unit.shape)
-    return PoseErrors(
+    return CovarianceSample(
         np.arange(count) // 4,
         drawn,
         np.broadcast_to(noise, (count, 6, 6)),

@@ -12,6 +12,7 @@ from benchmark.episodes.evaluation import assign_estimates
 from benchmark.episodes.metrics import BARELY_VISIBLE, error_vector
 from benchmark.tuning.scenes import KnownScene
 from benchmark.world.parts import get_part
+from vision.errors import InputError
 from vision.frozen import frozen_arrays
 from vision.matching.parameters import MatchingParameters
 from vision.pose.edge_errors import EdgeErrors
@@ -24,7 +25,7 @@ NO_ERRORS = EdgeErrors(**dict.fromkeys(NAMES, 0.0))
 
 @dataclass(frozen=True, eq=False)
 @frozen_arrays
-class PoseErrors:
+class CovarianceSample:
     """Errors of N matched poses, in coordinates of which the last does not count where the turn about z is unknown.
 
     Such a coordinate has the error 0 and the variance 1, whatever the sigmas are.
@@ -46,9 +47,9 @@ class PoseErrors:
     def __len__(self) -> int:
         return len(self.error)
 
-    def take(self, index: NDArray[np.generic]) -> PoseErrors:
+    def take(self, index: NDArray[np.generic]) -> CovarianceSample:
         """Those with these numbers, or where a mask is True."""
-        return PoseErrors(*(getattr(self, field.name)[index] for field in fields(self)))
+        return CovarianceSample(*(getattr(self, field.name)[index] for field in fields(self)))
 
     def covariance(self, sigmas: Array) -> Array:
         """(N, 6, 6) with these sigmas (K,) in pixels."""
@@ -74,11 +75,16 @@ class PoseErrors:
         return np.asarray(np.linalg.solve(self.covariance(sigmas), self.error[..., None])[..., 0])
 
 
-def pose_errors(scenes: Sequence[KnownScene]) -> PoseErrors:
-    """Errors of the matched pieces that are not almost hidden."""
+def covariance_sample(scenes: Sequence[KnownScene]) -> CovarianceSample:
+    """Errors of the matched pieces that are not almost hidden.
+
+    Raises:
+        InputError: there is none.
+    """
     found = [(number, *row) for number, scene in enumerate(scenes) for row in _of_scene(scene)]
-    columns = list(zip(*found, strict=True)) or [()] * 5
-    return PoseErrors(*(np.array(column) for column in columns))
+    if not found:
+        raise InputError("scenes", got="no piece that is matched", expected="at least one", do="Take more scenes.")
+    return CovarianceSample(*(np.array(column) for column in zip(*found, strict=True)))
 
 
 def _of_scene(scene: KnownScene) -> list[tuple[Array, Array, Array, int]]:
