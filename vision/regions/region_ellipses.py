@@ -6,15 +6,13 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from vision.errors import InputError
 from vision.features import EllipseFeature
 from vision.geometry.ellipse import Array, Ellipse
 from vision.regions.attributes import AttributeConstraints
 from vision.regions.boundaries import refine_boundaries
 from vision.regions.boundary_ellipses import Limits, covered, find_ellipses
-from vision.regions.segmentation import Region, RegionGrowing, Segmentation, check_gray, gradient, segment
+from vision.regions.segmentation import Region, RegionGrowing, Segmentation, gradient, segment
 from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, check, count
 
 __all__ = [
@@ -67,11 +65,7 @@ class BoundaryFit:
 
 
 def region_ellipses(
-    segmentation: Segmentation,
-    gray: NDArray[np.uint8],
-    constraints: AttributeConstraints | None = None,
-    fit: BoundaryFit | None = None,
-    growing: RegionGrowing | None = None,
+    segmentation: Segmentation, constraints: AttributeConstraints | None = None, fit: BoundaryFit | None = None
 ) -> list[EllipseFeature]:
     """Ellipses on the outer and inner boundaries of the regions that the constraints leave.
 
@@ -80,25 +74,15 @@ def region_ellipses(
     has to cover enough of the circumference.
 
     Args:
-        segmentation: of the image.
-        gray: (H, W) uint8, the image that was segmented.
+        segmentation: of the image, which it holds with the settings it was made with.
         constraints: on the attributes of regions; None prunes nothing.
         fit: when a boundary passes for an ellipse; None for the defaults.
-        growing: the settings that the segmentation was made with; None for the defaults.
 
     Returns:
         Features with ``process="region"`` and the attributes of their region, best score first; one per ellipse,
         also where regions on its two sides both found it.
-
-    Raises:
-        InputError: when the image is not the one that was segmented, by its shape or type.
     """
-    fit, growing = fit or BoundaryFit(), growing or RegionGrowing()
-    gray = check_gray(gray)
-    if gray.shape != segmentation.labels.shape:
-        raise InputError(
-            "image", got=gray.shape, expected=f"the shape that was segmented, {segmentation.labels.shape}"
-        )
+    fit, growing = fit or BoundaryFit(), segmentation.settings
     constraints = constraints or AttributeConstraints()
     regions = segmentation.prune(constraints)
     outer = [(region.contour, False, region.attributes) for region in regions]
@@ -108,7 +92,9 @@ def region_ellipses(
     shortest = max(np.pi * fit.min_semi_axis_px, least_px / np.sqrt(2))
     # Outer boundaries first: an ellipse that two regions share gets the attributes of the region inside it.
     candidates = [c for c in outer + inner if len(c[0]) > shortest]
-    slopes = gradient(gray, growing.blur_px)
+    if not candidates:
+        return []
+    slopes = gradient(segmentation.gray, growing.blur_px)
     boundaries = refine_boundaries([c[:2] for c in candidates], slopes, 32 * growing.edge_low, _SPACING)
     blur_variance = growing.blur_px**2 + _CAMERA_AND_SOBEL_VARIANCE
     found = find_ellipses(boundaries, Limits(**asdict(fit), blur_variance=blur_variance, spacing_px=float(_SPACING)))
