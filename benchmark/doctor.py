@@ -14,7 +14,7 @@ from importlib import metadata
 from pathlib import Path
 
 from vision import kernel_cache
-from vision.errors import FocalpickError
+from vision.errors import FocalpickError, ResourceError
 
 ROOT = Path(__file__).resolve().parents[1]
 RESTORE = (
@@ -45,7 +45,7 @@ class Finding:
         subject: what was checked.
         ok: whether it is as it should be.
         text: what was found, in a few words.
-        remedy: what to do where it is not ok, as an imperative sentence.
+        remedy: what to do where it is not ok, as an imperative sentence; empty where the text says it.
     """
 
     subject: str
@@ -107,9 +107,13 @@ def check_pins() -> Iterator[Finding]:
 
 def check_gl() -> Iterator[Finding]:
     """A small picture can be drawn, in a process of its own that may crash."""
-    from benchmark.world.gl import APT_PACKAGES, choose_backend
+    from benchmark.world.gl import INSTALL, require_backend
 
-    backend = choose_backend()
+    try:
+        backend = require_backend()
+    except ResourceError as error:
+        yield Finding("OpenGL", False, str(error).removeprefix("OpenGL: "))
+        return
     environment = {**os.environ, "MUJOCO_GL": backend}
     command = [sys.executable, "-c", _DRAW]
     drawn = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
@@ -117,8 +121,7 @@ def check_gl() -> Iterator[Finding]:
     if drawn.returncode != 0:
         last = (drawn.stderr.strip().splitlines() or ["no message"])[-1]
         text = f"MUJOCO_GL={backend} cannot draw ({last})"
-    remedy = f"Unset MUJOCO_GL, or run: sudo apt-get install -y {' '.join(APT_PACKAGES)}"
-    yield Finding("OpenGL", drawn.returncode == 0, text, remedy)
+    yield Finding("OpenGL", drawn.returncode == 0, text, f"Unset MUJOCO_GL, or {INSTALL}")
 
 
 def check_kernels() -> Iterator[Finding]:

@@ -118,9 +118,8 @@ def run_extractors(
     segmentation, grouping = None, None
     found: list[EllipseFeature] = []
     if "region" in extractors:
-        growing = thresholds.growing
-        segmentation = segment(gray, growing)
-        found += region_ellipses(segmentation, gray, constraints, thresholds.boundary_fit, growing)
+        segmentation = segment(gray, thresholds.growing)
+        found += region_ellipses(segmentation, constraints, thresholds.boundary_fit)
     if "group" in extractors:
         grouping = group_edges(gray, thresholds.grouping)
         found += grouping.features

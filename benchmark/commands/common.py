@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from vision import kernel_cache
-from vision.errors import InputError, ResourceError
+from vision.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -97,17 +97,11 @@ def prepare_process() -> None:
     """
     kernel_cache.require()
     from benchmark.child_process import SINGLE_THREADED
-    from benchmark.world.gl import APT_PACKAGES, choose_backend, works
+    from benchmark.world.gl import require_backend
 
     for name, value in SINGLE_THREADED.items():
         os.environ.setdefault(name, value)
-    asked = os.environ.get("MUJOCO_GL")
-    if asked and not works(asked):
-        raise ResourceError(
-            f"OpenGL: MUJOCO_GL={asked} does not work here; unset it to let focalpick choose, "
-            f"or run: sudo apt-get install -y {' '.join(APT_PACKAGES)}"
-        )
-    choose_backend()
+    require_backend()
 
 
 def check_localizer(name: str, part_names: Sequence[str], models: str | None = None) -> None:

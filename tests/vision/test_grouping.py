@@ -27,7 +27,7 @@ def photograph(*painted, size=(480, 640), ground=90.0, noise=2.0, seed=0):
 
 
 def by_region_growing(image):
-    return region_ellipses(segment(image), image)[:1]
+    return region_ellipses(segment(image))[:1]
 
 
 @pytest.mark.parametrize("axes", [(100, 60), (80, 80), (40, 35), (200, 150), (20, 20)])

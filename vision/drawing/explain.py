@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from vision.drawing import stage_panels as stages
 from vision.drawing.panel import Canvas, Panel
 from vision.edges.edge_map import as_gray
+from vision.errors import InputError
 from vision.extraction import Extraction
 from vision.geometry.camera import View
 from vision.geometry.ellipse import Ellipse
@@ -56,9 +57,11 @@ def explain(image: NDArray[np.generic]) -> tuple[Panel, ...]:
         The panels of ``MODEL_FREE_PANELS``.
 
     Raises:
-        InputError: when it is not an image, see :func:`vision.edges.edge_map.as_gray`.
+        InputError: when it is not an image, see :func:`vision.edges.edge_map.as_gray`, or has no pixels to draw on.
     """
     whole = as_gray(image)
+    if whole.size == 0:
+        raise InputError("image", got=f"shape {whole.shape}", expected="at least 1 x 1 pixels")
     gray, factor = halved(whole)
     canvas = Canvas(gray, _zoom(gray))
     segmentation = segment(gray)
@@ -67,7 +70,7 @@ def explain(image: NDArray[np.generic]) -> tuple[Panel, ...]:
     return (
         _edges_of_groups(canvas, grouping),
         stages.regions(canvas, segmentation),
-        stages.region_ellipses(canvas, segmentation, region_ellipses(segmentation, gray), segmentation.regions),
+        stages.region_ellipses(canvas, segmentation, region_ellipses(segmentation), segmentation.regions),
         stages.fragments(canvas, grouping),
         stages.groups(canvas, grouping, coarse),
         stages.kalman_filter(canvas, grouping.features),

@@ -121,7 +121,15 @@ class Grouping:
 def group_ellipses(
     gray: NDArray[np.generic], parameters: GroupingParameters | None = None, edges: EdgeMap | None = None
 ) -> list[EllipseFeature]:
-    """The ellipses of an image, best first, with their edge points and covariances; see :func:`group_edges`."""
+    """Look for ellipses once, at full resolution, as matching does: with score, edge points, covariance; best first.
+
+    ``find_ellipses`` and ``detect_ellipses`` look at half the resolution, too; :func:`group_edges` keeps every stage.
+
+    Args:
+        gray: as for :func:`group_edges`, and so are the others and the errors.
+        parameters: thresholds.
+        edges: of this image, where they are known already.
+    """
     return list(group_edges(gray, parameters, edges).features)
 
 

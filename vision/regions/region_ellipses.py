@@ -6,15 +6,13 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from vision.errors import InputError
 from vision.features import EllipseFeature
 from vision.geometry.ellipse import Ellipse
 from vision.regions.attributes import AttributeConstraints
 from vision.regions.boundaries import Outline, refine_boundaries
 from vision.regions.boundary_ellipses import BoundaryLimits, find_ellipses
-from vision.regions.segmentation import Region, RegionGrowingParameters, Segmentation, check_gray, gradient, segment
+from vision.regions.segmentation import Region, RegionGrowingParameters, Segmentation, gradient, segment
 from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, check, count
 
 __all__ = [
@@ -67,10 +65,8 @@ class BoundaryFitParameters:
 
 def region_ellipses(
     segmentation: Segmentation,
-    gray: NDArray[np.uint8],
     constraints: AttributeConstraints | None = None,
     fit: BoundaryFitParameters | None = None,
-    growing: RegionGrowingParameters | None = None,
 ) -> list[EllipseFeature]:
     """Ellipses on the outer and inner boundaries of the regions that the constraints leave.
 
@@ -79,25 +75,15 @@ def region_ellipses(
     has to cover enough of the circumference.
 
     Args:
-        segmentation: of the image.
-        gray: (H, W) uint8, the image that was segmented.
+        segmentation: of the image, which it holds with the settings it was made with.
         constraints: on the attributes of regions; None prunes nothing.
         fit: when a boundary passes for an ellipse; None for the defaults.
-        growing: the settings that the segmentation was made with; None for the defaults.
 
     Returns:
         Features with ``extractor="region"`` and the attributes of their region, best score first; one per ellipse,
         also where regions on its two sides both found it.
-
-    Raises:
-        InputError: when the image is not the one that was segmented, by its shape or type.
     """
-    fit, growing = fit or BoundaryFitParameters(), growing or RegionGrowingParameters()
-    gray = check_gray(gray)
-    if gray.shape != segmentation.labels.shape:
-        raise InputError(
-            "image", got=gray.shape, expected=f"the shape that was segmented, {segmentation.labels.shape}"
-        )
+    fit, growing = fit or BoundaryFitParameters(), segmentation.parameters
     constraints = constraints or AttributeConstraints()
     regions = segmentation.prune(constraints)
     outer = [Outline(region.contour, False, region.attributes) for region in regions]
@@ -107,7 +93,9 @@ def region_ellipses(
     shortest = max(np.pi * fit.min_semi_axis_px, least_px / np.sqrt(2))
     # Outer boundaries first: an ellipse that two regions share gets the attributes of the region inside it.
     outlines = [outline for outline in outer + inner if len(outline.contour) > shortest]
-    dx, dy = gradient(gray, growing.blur_px)
+    if not outlines:
+        return []
+    dx, dy = gradient(segmentation.gray, growing.blur_px)
     boundaries = refine_boundaries(outlines, dx, dy, 32 * growing.edge_low, _SPACING)
     blur_variance = growing.blur_px**2 + _CAMERA_AND_SOBEL_VARIANCE
     limits = BoundaryLimits(**asdict(fit), blur_variance=blur_variance, spacing_px=float(_SPACING))

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from vision.errors import InputError
+from vision.edges.edge_map import as_gray
 from vision.features import RegionAttributes
 from vision.frozen import frozen_arrays, read_only
 from vision.regions.attributes import AttributeConstraints, Contour, measure_shape
@@ -77,12 +77,16 @@ class Segmentation:
         tree: the quadtree, its leaves in the order that regions refer to.
         leaf_labels: (N,) int32 label of each leaf; read-only.
         edges: (H, W) linked edge map; read-only.
+        gray: (H, W) uint8, the image that was segmented; read-only.
+        parameters: with which it was.
     """
 
     labels: Labels
     tree: Quadtree
     leaf_labels: Labels
     edges: NDArray[np.bool_]
+    gray: NDArray[np.uint8]
+    parameters: RegionGrowingParameters
 
     @cached_property
     def leaves(self) -> Labels:
@@ -111,42 +115,29 @@ class Segmentation:
         return tuple(constraints.prune(regions))
 
 
-def segment(gray: NDArray[np.uint8], parameters: RegionGrowingParameters | None = None) -> Segmentation:
+def segment(gray: NDArray[np.generic], parameters: RegionGrowingParameters | None = None) -> Segmentation:
     """Divide an image into homogeneous regions: Canny, edge linking, split and merge.
 
     Args:
-        gray: (H, W) uint8 grey levels.
+        gray: (H, W) uint8 grey levels; (H, W, 3) RGB is converted.
         parameters: of the method; None for the defaults.
 
     Returns:
-        The segmentation. A constant image is one region.
+        The segmentation. A constant image is one region, an empty one has none.
 
     Raises:
-        InputError: when the image is not a non-empty two-dimensional uint8 array.
+        InputError: when ``gray`` is not an image, see :func:`vision.edges.edge_map.as_gray`.
     """
     parameters = parameters or RegionGrowingParameters()
-    gray = check_gray(gray)
-    edges = link_edges(canny(gray, parameters), parameters.gap_px)
-    tree = split(gray, edges, parameters.split_and_merge)
+    image = as_gray(gray).copy()  # what the caller does with his array later must not reach the segmentation
+    if image.size == 0:
+        nothing = np.zeros(image.shape, np.int32)
+        tree = split(image, nothing > 0, parameters.split_and_merge)
+        return Segmentation(nothing, tree, nothing.ravel(), nothing > 0, image, parameters)
+    edges = link_edges(canny(image, parameters), parameters.gap_px)
+    tree = split(image, edges, parameters.split_and_merge)
     leaf_labels = merge(tree, parameters.split_and_merge)
-    return Segmentation(leaf_labels.take(tree.leaf_of_pixel), tree, leaf_labels, edges)
-
-
-def check_gray(gray: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The image as a contiguous array, once it is known to be one of grey levels.
-
-    Raises:
-        InputError: when it is not.
-    """
-    image = np.asarray(gray)
-    if image.dtype != np.uint8 or image.ndim != 2 or image.size == 0:
-        raise InputError(
-            "image",
-            got=f"{image.dtype} {image.shape}",
-            expected="grey levels, uint8 (H, W), at least 1 x 1",
-            do="Convert colour with cv2.cvtColor, and floating-point images by scaling to 0..255",
-        )
-    return np.ascontiguousarray(image)
+    return Segmentation(leaf_labels.take(tree.leaf_of_pixel), tree, leaf_labels, edges, image, parameters)
 
 
 def gradient(gray: NDArray[np.uint8], blur_px: float) -> tuple[NDArray[np.int16], NDArray[np.int16]]:

@@ -38,9 +38,8 @@ def make_overlay(gray: Image, thresholds: ExtractionThresholds) -> dict[str, Any
         ``candidates`` (ellipses with their extractor), ``fragments`` (polylines), ``endpoints``, ``groups`` (numbers
         of fragments), and two pictures as data addresses: ``regions_png`` and ``edges_png``.
     """
-    growing = thresholds.growing
-    segmentation = segment(gray, growing)
-    regions = region_ellipses(segmentation, gray, None, thresholds.boundary_fit, growing)
+    segmentation = segment(gray, thresholds.growing)
+    regions = region_ellipses(segmentation, None, thresholds.boundary_fit)
     grouping = group_edges(gray, thresholds.grouping)
     fragments = grouping.fragments
     return {
