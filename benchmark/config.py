@@ -10,6 +10,7 @@ import zlib
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Literal, get_args
 
+from benchmark.seeds import SCENES
 from benchmark.strict_json import MAY_BE_MISSING
 from vision.errors import InputError
 
@@ -259,18 +260,24 @@ def _check_common(config: EpisodeConfig | SweepConfig) -> None:
         raise InputError("task", got=config.task, expected=" or ".join(TASKS))
 
 
-_TABLE_1 = SweepConfig(parts=("hub", "cover1", "cover2"), workers=os.cpu_count() or 1)
+def _like_table1(name: str, **changes: Any) -> SweepConfig:
+    """The paper's experiment with changes, on the seeds that are registered for ``name``."""
+    table1 = SweepConfig(parts=("hub", "cover1", "cover2"), workers=os.cpu_count() or 1)
+    return replace(table1, seed=SCENES[name].start, **changes)
+
+
 PRESETS: dict[str, SweepConfig] = {
-    "table1": _TABLE_1,
-    "smoke": replace(_TABLE_1, scenes=2),
-    "calibration": replace(
-        _TABLE_1,
+    "table1": _like_table1("table1"),
+    "smoke": _like_table1("smoke", scenes=2),
+    "shopfloor": _like_table1("shopfloor", scenes=10, sensor="shopfloor", task="none"),
+    "calibration": _like_table1(
+        "calibration",
         scenes=10,
         task="none",
         variants=tuple(Variant(hand_eye_mm=error) for error in (0.0, 0.25, 0.5, 1.0, 1.5, 2.0)),
     ),
-    "teaching": replace(
-        _TABLE_1,
+    "teaching": _like_table1(
+        "teaching",
         scenes=5,
         task="none",
         variants=tuple(

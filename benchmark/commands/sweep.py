@@ -55,9 +55,9 @@ def sweep(
     Example: focalpick sweep --parts hub,cover2 --scenes 5 --out results/mine
 
     Args:
-        preset: table1 (35 scenes of each part, the paper's experiment) or smoke (2 of each); calibration (every scene
-            again for hand-eye errors from 0 to 2 mm) or teaching (again with models taught by clicks that err by 0 to
-            5 pixels in 2 to 5 views).
+        preset: table1 (35 scenes of each part, the paper's experiment) or smoke (2 of each); shopfloor (10 with the
+            sensor of that name); calibration (every scene again for hand-eye errors from 0 to 2 mm) or teaching
+            (again with models taught by clicks that err by 0 to 5 pixels in 2 to 5 views). Each has its own seeds.
         parts: hub (brake hub, 240 mm), cover1, cover2 (alternator covers, 30 and 65 mm), or mesh files of your own
             (pulley.obj in metres, pulley.stl:mm); with commas; + mixes.
         scenes: number of scenes of each part.

@@ -25,6 +25,7 @@ from benchmark.episodes.episode import EpisodeObserver, run_episode
 from benchmark.models import load_model
 from benchmark.report.grid import Grid, grids_as_markdown, part_title, print_grids
 from benchmark.report.published import PARTS
+from benchmark.seeds import SCENES
 from benchmark.timing.detector_stages import detector_grid, measure_detector
 from benchmark.timing.stage_clock import Place, StageClock
 from benchmark.world.cell import WorkCell
@@ -45,7 +46,7 @@ STAGES: dict[str, tuple[Place, ...]] = {
     "matching": ((localizer.Matcher, "__init__"), (localizer.Matcher, "match")),
 }
 TOTAL = "localize"
-SEED = 60_000
+SEED = SCENES["timing"].start
 Times = dict[str, list[float]]
 
 
