@@ -11,11 +11,21 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE
+from benchmark.config import SweepConfig
+from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary
 from benchmark.records.store import read_config, read_records
 from benchmark.report.circle_errors import study_circles
 from benchmark.report.extractors_render import made_good_grids, margin_grids
-from benchmark.report.grid import NOTHING, Grid, grids_as_markdown, part_title, plus_minus, rate_text
+from benchmark.report.grid import (
+    NOTHING,
+    Grid,
+    grids_as_markdown,
+    median,
+    part_title,
+    plus_minus,
+    rate_text,
+    share_text,
+)
 from benchmark.report.rate import Rate
 from benchmark.report.render import coverage_grid
 from benchmark.report.study import build_study
@@ -52,9 +62,11 @@ def between_markers(document: str, name: str, text: str) -> str:
     return f"{before}{first}{text.strip()}\n{last}{after}"
 
 
-def table1_block(table: Table, scenes: int, pieces: int, sensor: str) -> str:
+def table1_block(config: SweepConfig, table: Table) -> str:
     """What the README says first: Table 1, and both extractors together against region growing alone."""
-    scope = f"Table 1, {scenes} scenes of {pieces} pieces for each part, sensor `{sensor}`"
+    scope = (
+        f"Table 1, {config.scenes} scenes of {config.pieces_in_words} pieces for each part, sensor `{config.sensor}`"
+    )
     blocks = [
         f"{scope} (mean ± standard deviation over the matched pieces at least {_share(BARELY_VISIBLE)}\nvisible):",
         _untitled(_published(table)),
@@ -66,30 +78,39 @@ def table1_block(table: Table, scenes: int, pieces: int, sensor: str) -> str:
     return "\n\n".join(blocks)
 
 
-def sensor_block(table: Table, scenes: int, pieces: int, sensor: str) -> str:
+def sensor_block(config: SweepConfig, table: Table) -> str:
     """The figures of the dual localizer with one sensor."""
     rows = []
     for part in table.parts:
         half, any_ = (table.find_success(part, "dual", "matching", at).rate for at in (HALF_VISIBLE, BARELY_VISIBLE))
         row = table.find_accuracy(part, "dual", BARELY_VISIBLE)
-        errors = [plus_minus(row.errors[name], 2) for name in ("translation_mm", "tilt_deg", "inplane_deg")]
-        rows.append((part_title(part), _of(half), _of(any_), *errors, _of(row.coverage)))
+        errors = [
+            text(row.errors[name], 2)
+            for name in ("translation_mm", "tilt_deg", "inplane_deg")
+            for text in (plus_minus, median)
+        ]
+        false_poses = share_text(table.find_false_poses(part, "dual"))
+        rows.append((part_title(part), _of(half), _of(any_), false_poses, *errors, _of(row.coverage)))
     grid = Grid(
-        title=f"Sensor {sensor}: matching, pose error and covariance of dual",
+        title=f"Sensor {config.sensor}: matching, pose error and covariance of dual",
         columns=(
             "Object",
             f"matched, ≥ {HALF_VISIBLE:.0%} visible",
             f"matched, ≥ {BARELY_VISIBLE:.0%} visible",
+            "false poses",
             "Translation (mm)",
+            "median",
             "Tilt (°)",
+            "median",
             "In-plane (°)",
+            "median",
             "inside the 95% ellipsoid",
         ),
         rows=tuple(rows),
         note="In brackets: 95 % Wilson interval. Errors and ellipsoids are those of matched pieces at least\n"
         f"{BARELY_VISIBLE:.0%} visible.",
     )
-    return f"Measured, {scenes} scenes of {pieces} pieces a part:\n\n{grids_as_markdown([grid], ())}"
+    return f"{_measured(config)}\n\n{grids_as_markdown([grid], ())}"
 
 
 def study_block(directory: Path, picture: str) -> str:
@@ -101,15 +122,14 @@ def study_block(directory: Path, picture: str) -> str:
     with tempfile.TemporaryDirectory() as drawn:
         (path,) = save_study_figures(study, Path(drawn))
         (IMAGES / picture).write_bytes(path.read_bytes())
-    head = f"Measured, {config.scenes} scenes of {config.pieces} pieces a part:"
-    return f"{head}\n\n{study_as_markdown(study)}\n![{PICTURES[picture]}](images/{picture})"
+    return f"{_measured(config)}\n\n{study_as_markdown(study)}\n![{PICTURES[picture]}](images/{picture})"
 
 
 def fill_table1(directory: Path) -> None:
     """All that comes from the benchmark's main sweep."""
     config, table = read_config(directory), _table(directory)
     measured = "Measured (`results/table1`):\n\n{}".format
-    _put(README, "table1", table1_block(table, config.scenes, config.pieces, config.sensor))
+    _put(README, "table1", table1_block(config, table))
     _put(ACCURACY, "margins", measured(grids_as_markdown(margin_grids(table.margins), ())))
     _put(ACCURACY, "made-good", measured(grids_as_markdown(made_good_grids(table.made_good), ())))
     _put(ACCURACY, "coverage", measured(grids_as_markdown([coverage_grid(table)], ())))
@@ -117,8 +137,7 @@ def fill_table1(directory: Path) -> None:
 
 def fill_shopfloor(directory: Path) -> None:
     """The same figures with the sensor of a shop floor."""
-    config = read_config(directory)
-    _put(ACCURACY, "shopfloor", sensor_block(_table(directory), config.scenes, config.pieces, config.sensor))
+    _put(ACCURACY, "shopfloor", sensor_block(read_config(directory), _table(directory)))
 
 
 def fill_calibration(directory: Path) -> None:
@@ -152,6 +171,10 @@ FILLS: dict[str, Callable[[Path], None]] = {
 }
 
 
+def _measured(config: SweepConfig) -> str:
+    return f"Measured, {config.scenes} scenes of {config.pieces_in_words} pieces a part:"
+
+
 def _table(directory: Path) -> Table:
     table = build_table(read_config(directory), read_records(directory))
     _check_complete(table, directory)
@@ -171,7 +194,8 @@ def _published(table: Table) -> Grid:
         label = "" if row.part == last else SIZED.get(row.part, row.part)
         rows.append((label, f"{row.method}-match", str(row.n), *_beside_published(row)))
         last = row.part
-    columns = ("Object", "Extractor", "n", "Translation (mm)", "published", "Rotation (°)", "published")
+    errors = ("Translation (mm)", "median", "published", "Rotation (°)", "median", "published")
+    columns = ("Object", "Extractor", "n", *errors)
     return Grid("", columns, tuple(rows))
 
 
@@ -182,7 +206,7 @@ def _beside_published(row: AccuracyRow) -> list[str]:
         if row.published is not None:
             mean, spread = (getattr(row.published, f"{quantity}_{name}") for name in ("mean", "std"))
             published = f"{mean} ± {spread}"
-        cells += [plus_minus(row.errors[quantity], 2), published]
+        cells += [plus_minus(row.errors[quantity], 2), median(row.errors[quantity], 2), published]
     return cells
 
 
@@ -199,7 +223,8 @@ def _dual(table: Table) -> Grid:
                 _percent(region.rate),
                 _percent(table.find_success(part, "dual", "matching", BARELY_VISIBLE).rate),
                 NOTHING if dual.published is None else _share(dual.published),
-                f"{errors['translation_mm'].mean:.2f} mm, {errors['tilt_deg'].mean:.2f}°",
+                share_text(table.find_false_poses(part, "dual")),
+                *(f"{text(errors['translation_mm'])} mm, {text(errors['tilt_deg'])}°" for text in (_mean, _median)),
                 f"{picks.successes} of {picks.n}",
             )
         )
@@ -209,7 +234,9 @@ def _dual(table: Table) -> Grid:
         "region growing alone",
         "dual, ≥ 10 % visible",
         "published, all pieces",
-        "error of the final pose",
+        "false poses",
+        "mean error of the final pose",
+        "median",
         "first picks",
     )
     return Grid("", columns, tuple(rows))
@@ -223,6 +250,14 @@ def _percent(rate: Rate) -> str:
     if rate.rate is None or rate.low is None or rate.high is None:
         return NOTHING
     return f"{_share(rate.rate)} ({100 * rate.low:.0f} to {100 * rate.high:.0f})"
+
+
+def _mean(summary: Summary) -> str:
+    return NOTHING if summary.mean is None else f"{summary.mean:.2f}"
+
+
+def _median(summary: Summary) -> str:
+    return median(summary, 2)
 
 
 def _of(rate: Rate) -> str:

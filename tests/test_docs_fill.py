@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,12 +15,12 @@ from docs.fill import README, between_markers, sensor_block, table1_block
 from vision.errors import InputError
 
 RECORDED = Path(__file__).resolve().parents[1] / "results" / "table1"
-CONFIG = SweepConfig(parts=("hub",), scenes=1)
+CONFIG = SweepConfig(parts=("hub",), scenes=1, pieces=3, most_pieces=5, sensor="shopfloor")
 
 
 def test_the_table_of_the_readme_is_that_of_the_records_beside_it():
     config = read_config(RECORDED)
-    block = table1_block(build_table(config, read_records(RECORDED)), config.scenes, config.pieces, config.sensor)
+    block = table1_block(config, build_table(config, read_records(RECORDED)))
     readme = README.read_text(encoding="utf-8")
     assert between_markers(readme, "table1", block) == readme
 
@@ -48,15 +49,22 @@ def test_a_sensor_has_its_rates_errors_and_coverage():
         for i, (visibility, result) in enumerate([(0.9, hit), (0.8, hit), (0.3, miss)])
     )
     episode = CONFIG.episode("hub", 0)
-    record = EpisodeRecord(episode.key, ("hub",), 0, episode.seed, episode.config_hash, pieces=pieces)
-    block = sensor_block(build_table(CONFIG, [record]), 1, 3, "shopfloor")
+    base = EpisodeRecord(episode.key, ("hub",), 0, episode.seed, episode.config_hash)
+    record = replace(base, pieces=pieces, false_positives={"dual": 1})
+    block = sensor_block(CONFIG, build_table(CONFIG, [record]))
+    assert block.startswith("Measured, 1 scenes of 3 to 5 pieces a part:")
+    assert "Sensor shopfloor" in block
     (row,) = (line for line in block.splitlines() if line.startswith("| Hub"))
     assert [cell.strip() for cell in row.strip("|").split("|")] == [
         "Hub",
         "2 of 2: 100% (34% to 100%)",
         "2 of 3: 67% (21% to 94%)",
+        "33.3% of 3",
         "0.50 ± 0.00",
+        "0.50",
         "0.25 ± 0.00",
+        "0.25",
         "0.12 ± 0.00",
+        "0.12",
         "2 of 2: 100% (34% to 100%)",
     ]

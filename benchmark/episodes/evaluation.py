@@ -27,7 +27,7 @@ from benchmark.records.episode_record import LocalizerResult, PieceRecord
 from benchmark.world.parts import get_part, vertices
 from vision.features import EllipseFeature
 from vision.geometry.camera import View
-from vision.geometry.circle import project_circle
+from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse, overlap
 from vision.localizer import Localization
 from vision.pose.estimate import PoseEstimate
@@ -88,7 +88,7 @@ def judge(
     assignments = {name: assign_estimates(estimates, pieces) for name, estimates in answers.items()}
     records = []
     for index, piece in enumerate(pieces):
-        ellipses = [_salient_ellipses(piece, view, models) for view in true_views]
+        ellipses = _salient_ellipses(piece, true_views, models)
         results = {
             name: _result(index, piece, answers[name], assignments[name], _extracted(name, ellipses, localization))
             for name in answers
@@ -128,15 +128,26 @@ def _result(
     return LocalizerResult(extracted, matched=True, errors=errors, normalized=normalized, offset=offset)
 
 
-def _extracted(name: str, ellipses: Sequence[Sequence[Ellipse]], localization: Localization) -> bool:
-    """Whether a salient ellipse of the piece was extracted in enough views; never for methods without features."""
+def _extracted(name: str, ellipses: Sequence[Sequence[Ellipse | None]], localization: Localization) -> bool:
+    """Whether a salient circle of the piece was extracted in enough views; never for methods without features.
+
+    Args:
+        name: of the method; ``region`` and ``group`` see what their own extractor found.
+        ellipses: of each circle the images in all views, as of ``_salient_ellipses``.
+        localization: with the features of all views.
+    """
     if not localization.features:
         return False
-    best = []
-    for expected, found in zip(ellipses, localization.features, strict=True):
-        mine = [f for f in found if name not in ("region", "group") or f.extractor == name]
-        best.append(max((_best_overlap(e, mine) for e in expected), default=0.0))
-    return is_extracted(best)
+    mine = [
+        [f for f in found if name not in ("region", "group") or f.extractor == name]
+        for found in localization.features
+    ]
+    return is_extracted(
+        [
+            [0.0 if image is None else _best_overlap(image, found) for image, found in zip(images, mine, strict=True)]
+            for images in ellipses
+        ]
+    )
 
 
 def _best_overlap(expected: Ellipse, found: Sequence[EllipseFeature]) -> float:
@@ -150,17 +161,16 @@ def _best_overlap(expected: Ellipse, found: Sequence[EllipseFeature]) -> float:
     return max((overlap(expected, e) for e in near), default=0.0)
 
 
-def _salient_ellipses(piece: TruePiece, view: View, models: str | None) -> list[Ellipse]:
-    """Images of the taught salient circles that face the camera, at the piece's true pose."""
-    ellipses = []
-    for feature in load_model(piece.part, models).salient:
-        circle = feature.circle.moved(piece.T_world_part)
-        towards = view.T_world_camera.translation - circle.centre
-        if circle.normal @ towards > FACING_COSINE * np.linalg.norm(towards):
-            ellipse = project_circle(circle, view)
-            if ellipse is not None:
-                ellipses.append(ellipse)
-    return ellipses
+def _salient_ellipses(piece: TruePiece, views: Sequence[View], models: str | None) -> list[list[Ellipse | None]]:
+    """Of each taught salient circle the images in all views, at the piece's true pose; None where it faces away."""
+    circles = [feature.circle.moved(piece.T_world_part) for feature in load_model(piece.part, models).salient]
+    return [[_image(circle, view) for view in views] for circle in circles]
+
+
+def _image(circle: Circle, view: View) -> Ellipse | None:
+    towards = view.T_world_camera.translation - circle.centre
+    faces = circle.normal @ towards > FACING_COSINE * np.linalg.norm(towards)
+    return project_circle(circle, view) if faces else None
 
 
 def _failed_stage(piece: TruePiece, result: LocalizerResult) -> str | None:

@@ -75,6 +75,21 @@ class SuccessRow:
 
 
 @dataclass(frozen=True)
+class FalsePosesRow:
+    """How many of the poses that a localizer reported belong to no piece.
+
+    Attributes:
+        part: the scenes' only part.
+        method: the localizer.
+        share: of all poses reported, whatever the visibility of the pieces.
+    """
+
+    part: str
+    method: str
+    share: Rate
+
+
+@dataclass(frozen=True)
 class PartCount:
     """Where one part's pieces went before any rate was taken.
 
@@ -106,6 +121,7 @@ class Table:
         failed: key and error of those that did not finish; their pieces are in no rate.
         accuracy: for each part, method and visibility level.
         success: for each part, method, stage and visibility level.
+        false_poses: for each part and method.
         margins: of dual over region growing alone in matching, for each part and visibility level.
         made_good: what dual matched of what one extractor lost, for each part and visibility level.
         picks: success rate of attempted picks by part.
@@ -118,6 +134,7 @@ class Table:
     failed: dict[str, str]
     accuracy: tuple[AccuracyRow, ...]
     success: tuple[SuccessRow, ...]
+    false_poses: tuple[FalsePosesRow, ...]
     margins: tuple[Margin, ...]
     made_good: tuple[MadeGood, ...]
     picks: dict[str, Rate]
@@ -147,6 +164,10 @@ class Table:
         """One row of ``success``; KeyError where there is none."""
         wanted = (part, method, stage, min_visibility)
         return {(r.part, r.method, r.stage, r.min_visibility): r for r in self.success}[wanted]
+
+    def find_false_poses(self, part: str, method: str) -> Rate:
+        """The share of one row of ``false_poses``; KeyError where there is none."""
+        return {(row.part, row.method): row.share for row in self.false_poses}[part, method]
 
 
 def table1_order(parts: Sequence[str]) -> list[tuple[str, str]]:
@@ -179,6 +200,7 @@ def build_table(config: SweepConfig, records: Sequence[EpisodeRecord], levels: S
         failed={record.key: record.error for record in records if record.error is not None},
         accuracy=tuple(_accuracy(pieces, *cell) for cell in cells),
         success=tuple(_success(pieces, *cell, stage) for stage in STAGES for cell in cells),
+        false_poses=tuple(FalsePosesRow(p, m, _false_poses(finished, p, m)) for p in parts for m in methods),
         margins=tuple(paired_margin(finished, part, COMPARED, level) for level in levels for part in parts),
         made_good=tuple(made_good(finished, part, level) for level in levels for part in parts),
         picks={part: _picks(finished, part) for part in parts},
@@ -191,6 +213,7 @@ def to_dict(table: Table) -> dict[str, object]:
     return {
         "table1": [{"process": row.method, **_flat(row)} for row in table.table1],
         "fig10": [_flat_success(row) for row in table.success],
+        "false_poses": [{"part": row.part, "method": row.method, **asdict(row.share)} for row in table.false_poses],
         "margins": [{**asdict(margin), "excludes_zero": margin.excludes_zero} for margin in table.margins],
         "made_good": [asdict(row) for row in table.made_good],
         "picks": [{"part": part, **asdict(rate)} for part, rate in table.picks.items()],
@@ -227,6 +250,15 @@ def _success(pieces: Sequence[PieceRecord], part: str, method: str, min_visibili
 
 def _counted(pieces: Sequence[PieceRecord], part: str, min_visibility: float) -> list[PieceRecord]:
     return [p for p in pieces if p.part == part and p.in_bin and p.visibility >= min_visibility]
+
+
+def _false_poses(records: Sequence[EpisodeRecord], part: str, method: str) -> Rate:
+    """Of the poses reported in scenes of this part alone; the others are those of the matched pieces."""
+    scenes = [record for record in records if record.parts == (part,)]
+    results = (piece.results.get(method) for record in scenes for piece in record.pieces)
+    right = sum(result is not None and result.matched for result in results)
+    wrong = sum(record.false_positives.get(method, 0) for record in scenes)
+    return Rate.of([True] * wrong + [False] * right)
 
 
 def _picks(records: Sequence[EpisodeRecord], part: str) -> Rate:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -53,6 +54,34 @@ def test_calibration_goes_from_0_to_2_mm_and_teaching_over_clicks_and_views():
     assert [v.hand_eye_mm for v in preset("calibration").variants] == [0, 0.25, 0.5, 1, 1.5, 2]
     taught = {(v.click_sigma_px, v.taught_views) for v in preset("teaching").variants}
     assert taught == {(click, views) for click in (0, 1, 2, 3, 5) for views in (2, 3, 4, 5)}
+
+
+def test_heaps_have_as_many_pieces_as_their_seed_says():
+    plan = episodes(preset("table1"))
+    counts = Counter(episode.pieces for episode in plan)
+    assert set(counts) == {4, 5, 6}
+    assert min(counts.values()) >= 20  # of 105; 35 are expected
+    again = {episode.key: episode.pieces for episode in episodes(preset("table1", parts=("cover1",), scenes=3))}
+    assert again.items() <= {episode.key: episode.pieces for episode in plan}.items()
+    assert {episode.pieces for episode in episodes(preset("heap"))} == {8, 9, 10, 11, 12}
+
+
+def test_a_range_of_pieces_is_stored_and_one_number_is_none(tmp_path):
+    config = preset("heap")
+    with RecordWriter(tmp_path, config):
+        pass
+    assert read_config(tmp_path) == config
+    assert "most_pieces" in as_fields(config)
+    five = SweepConfig(("hub",), pieces=5, most_pieces=5)
+    assert five == SweepConfig(("hub",), pieces=5)
+    assert "most_pieces" not in as_fields(five)
+    assert (config.pieces_in_words, five.pieces_in_words) == ("8 to 12", "5")
+
+
+@pytest.mark.parametrize("most", [3, 13, True])
+def test_a_range_of_pieces_that_makes_no_sense_is_refused(most):
+    with pytest.raises(InputError, match=r"most pieces: got .*a whole number, from 4 to 12"):
+        SweepConfig(("hub",), pieces=4, most_pieces=most)
 
 
 def test_another_study_in_the_directory_is_refused_by_name(tmp_path):

@@ -194,6 +194,16 @@ def test_only_attempted_picks_count_and_a_pick_of_nothing_is_a_failure() -> None
     assert picks["cover1"]["n"] == 0
 
 
+def test_false_poses_are_a_share_of_all_that_were_reported() -> None:
+    table = build_table(CONFIG, [HUB, record("cover1", pieces=(piece(0, 0.9, "cover1", dual=MISSED),))])
+    shares = {(row["part"], row["method"]): (row["successes"], row["n"]) for row in to_dict(table)["false_poses"]}
+    assert shares["hub", "dual"] == (2, 5)  # three pieces matched, one of them hardly visible
+    assert shares["hub", "region"] == (0, 3)
+    assert shares["cover1", "dual"] == (0, 0)
+    for text in (shown(table), as_markdown(table)):
+        assert "2 of 5: 40.0% (11.8% to 76.9%)" in text
+
+
 def test_mixed_scenes_count_for_each_part() -> None:
     config = SweepConfig(parts=("hub+cover1",), scenes=1)
     mixed = EpisodeRecord(
@@ -251,7 +261,7 @@ def shown(table: object) -> str:
 def test_text_has_the_measured_beside_the_published() -> None:
     text = shown(build_table(CONFIG, [HUB]))
     (hub,) = (line for line in text.splitlines() if line.startswith(" Hub") and "Region-match" in line)
-    assert hub.split()[:9] == ["Hub", "Region-match", "2", "3.00", "±", "2.83", "3.4", "±", "1.9"]
+    assert hub.split()[:10] == ["Hub", "Region-match", "2", "3.00", "±", "2.83", "3.00", "3.4", "±", "1.9"]
     assert "77%" in text
     assert max(map(len, text.splitlines())) <= 120
 
