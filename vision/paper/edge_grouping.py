@@ -1,8 +1,7 @@
-"""Edge grouping as printed (Section 5.2): fragments, pairwise constraints, aggregation, and the filter that verifies."""
+"""Edge grouping as printed (Section 5.2): fragments, constraints on pairs, aggregation, and the filter that verifies."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,7 +113,11 @@ def _aggregate(seed: int, compatible: NDArray[np.bool_], length_px: Array) -> li
 
 
 def _verified(
-    group: list[int], points: Array, table: FragmentTable, size_px: tuple[float, float], parameters: AggregationParameters
+    group: list[int],
+    points: Array,
+    table: FragmentTable,
+    size_px: tuple[float, float],
+    parameters: AggregationParameters,
 ) -> tuple[EllipseFeature, list[int]] | None:
     """The ellipse of a group and its members, without those that fit it worst; None where no ellipse is left."""
     while True:
@@ -158,5 +161,3 @@ def _feature(
     if not size_px[0] <= major <= size_px[1] or share < parameters.min_share:
         return None
     return EllipseFeature(ellipse, "group", z, min(float(share), 1.0), min(float(share), 1.0)), group
-
-

@@ -40,9 +40,9 @@ class PruningParameters:
     growing: RegionGrowing = RegionGrowing()
     fit: BoundaryFit = BoundaryFit()
     whole_boundaries: bool = False
-    smaller: float = 0.5
-    larger: float = 1.3
-    grey: float = 1.6
+    smaller: float = 0.03
+    larger: float = 10.0
+    grey: float = 5.0
 
     def __post_init__(self) -> None:
         check(self, smaller=POSITIVE, larger=POSITIVE, grey=POSITIVE)
@@ -102,7 +102,9 @@ def attribute_constraints(
     taught = dict(circle.attributes)
     if len(taught) < len(AttributeConstraints.__dataclass_fields__):
         return None
-    taught_px_per_m = (taught["perimeter_px"].low + taught["perimeter_px"].high) / (4 * np.pi * circle.circle.radius_m)
+    taught_px_per_m = (taught["perimeter_px"].low + taught["perimeter_px"].high) / (
+        4 * np.pi * circle.circle.radius_m
+    )
     least, most = px_per_m[0] / taught_px_per_m, px_per_m[1] / taught_px_per_m
     smaller, larger, grey = parameters.smaller, parameters.larger, parameters.grey
 

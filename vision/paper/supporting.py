@@ -1,4 +1,4 @@
-"""The second phase (Section 6): supporting features found around a prediction verify it and turn it about its axis."""
+"""The second phase (Section 6): supporting features around a prediction verify it and tell its turn."""
 
 from __future__ import annotations
 
@@ -47,12 +47,22 @@ def window(view: View, T_world_part: Array, diameter_m: float, radii_m: Sequence
     right, bottom = min(camera.width_px, int(x + half) + 1), min(camera.height_px, int(y + half) + 1)
     if right - left < 8 or bottom - top < 8:
         return None
-    picture = cv2.resize(np.ascontiguousarray(view.gray[top:bottom, left:right]), None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
+    picture = cv2.resize(
+        np.ascontiguousarray(view.gray[top:bottom, left:right]),
+        None,
+        fx=scale,
+        fy=scale,
+        interpolation=cv2.INTER_CUBIC,
+    )
     # A pixel's coordinate is its centre: of the magnified pixels, the first ones lie before that.
     offset = (scale - 1) / 2
     magnified = Camera(
-        picture.shape[1], picture.shape[0], camera.fx * scale, camera.fy * scale,
-        (camera.cx - left) * scale + offset, (camera.cy - top) * scale + offset,
+        picture.shape[1],
+        picture.shape[0],
+        camera.fx * scale,
+        camera.fy * scale,
+        (camera.cx - left) * scale + offset,
+        (camera.cy - top) * scale + offset,
     )
     return View(picture, magnified, view.T_world_camera, view.name)
 
