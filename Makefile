@@ -45,12 +45,12 @@ apt_install() {
 }
 endef
 
-.PHONY: help install gl browser table1 test smoke bench lint clean
+.PHONY: help install gl browser table1 test smoke other-machine bench lint clean
 
 help:  ## Show this list
 	@echo "focalpick: make table1 and make test need no set-up; they create $(VENV) and install by themselves."
 	echo
-	awk -F ':.*## ' '/^[a-z0-9]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+	awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 	echo
 	echo "  OUT=DIR SCENES=N WORKERS=N change table1; TEST_WORKERS=N PYTEST_ARGS='-k ellipse' change test;"
 	echo "  PYTHON=/path/to/python3.12 chooses the interpreter for $(VENV) (3.11 or newer)."
@@ -71,6 +71,33 @@ smoke: install gl  ## Run a sweep of a few scenes and hold it against its thresh
 	$(BIN)/focalpick sweep --preset smoke --out "$$out/smoke" $(SWEEP_OPTIONS)
 	$(BIN)/focalpick table "$$out/smoke"
 	$(BIN)/focalpick check "$$out/smoke" --thresholds benchmark/thresholds/smoke.toml
+
+# Long tests are left out, and files of tests that neither draw nor calculate; all others are played, new files too.
+ELSEWHERE := $(addprefix --ignore=tests/benchmark/test_,child_processes.py cli.py mesh_file.py mesh_part.py store_attacks.py \
+    sweep.py sweep_deaths.py sweep_inputs.py)
+# Another processor is imitated by telling each library to take this one for less than it is: Mesa and numpy for one
+# without AVX, OpenCV for one without AVX2, Numba for any of the family, OpenBLAS for the oldest one with AVX2. Numba
+# keeps the kernels for each processor apart by itself.
+other-machine: install gl  ## Play a plainer processor, then OSMesa: tests, and a sweep held to this machine's
+	@$(APT)
+	out=$$(mktemp -d)
+	trap 'rm -rf "$$out"' EXIT
+	simd=$$($(BIN)/python -c 'import numpy; print(*numpy.show_config(mode="dicts")["SIMD Extensions"].get("found", []))')
+	play() {  # NAME TESTS VARIABLE=VALUE...: the tests there, and how far its poses are from those of this machine
+	    local name=$$1 tests=$$2; shift 2
+	    echo "Playing another machine: $$*"
+	    env "$$@" $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist worksteal -m "not browser and not slow and not sweep" $(PYTEST_ARGS) \
+	        $(ELSEWHERE) $$tests
+	    env "$$@" $(BIN)/focalpick sweep --preset smoke --out "$$out/$$name"
+	    $(BIN)/focalpick compare "$$out/here" "$$out/$$name"
+	}
+	$(BIN)/focalpick sweep --preset smoke --out "$$out/here"
+	play processor "tests/vision tests/robot tests/benchmark" LP_NATIVE_VECTOR_WIDTH=128 GALLIUM_OVERRIDE_CPU_CAPS=sse4.1 \
+	    NUMBA_CPU_NAME=generic OPENBLAS_CORETYPE=Haswell OPENCV_CPU_DISABLE=AVX2,AVX512-SKX \
+	    NPY_DISABLE_CPU_FEATURES="$$simd"
+	osmesa() { MUJOCO_GL=osmesa $(BIN)/python -m benchmark.world.gl >/dev/null 2>&1; }
+	if ! osmesa && may_install; then apt_install libosmesa6 || true; fi  # recent distributions no longer carry it
+	if osmesa; then play osmesa tests/benchmark MUJOCO_GL=osmesa; else echo "OSMesa is not here: left out."; fi
 
 bench: install gl  ## Measure the ellipse detector on drawn pictures, and the time of the vision step by stages
 	@$(BIN)/python -m benchmark.detector.evaluate

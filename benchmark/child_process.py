@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 from collections.abc import Iterator
@@ -13,7 +14,12 @@ from vision.teaching.editor.child_process import end_with_parent
 EXIT_BY_SIGNAL = 128
 """Plus the signal's number: what a shell reports of a process that a signal ended."""
 
+SINGLE_THREADED = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "LP_NUM_THREADS"), "1")
+"""One thread for each process: the sweep itself fills the cores, and sums do not depend on the number of threads.
+``LP_NUM_THREADS`` is that of Mesa's software renderer."""
+
 _ENDING = (signal.SIGTERM, signal.SIGHUP)
+_STOPPING = (signal.SIGINT, *_ENDING)
 
 
 def begin_worker() -> None:
@@ -22,7 +28,47 @@ def begin_worker() -> None:
     It ends with its parent. A terminal sends Ctrl-C to all processes, but only the sweep itself is to answer it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _STOPPING)  # the parent started it in `uninterrupted`
     end_with_parent()
+
+
+@contextmanager
+def single_threaded() -> Iterator[None]:
+    """Give the processes that are started in this block one thread each, unless the user has said how many."""
+    added = SINGLE_THREADED.keys() - os.environ.keys()
+    os.environ.update((name, SINGLE_THREADED[name]) for name in added)
+    try:
+        yield
+    finally:
+        for name in added:
+            del os.environ[name]
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Put off Ctrl-C, SIGTERM and SIGHUP until the block is left.
+
+    A process that is started in it does not hear them before it unblocks them, so that none ends with a traceback
+    because it was interrupted while it starts. Does nothing outside the main thread.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    heard: list[int] = []
+    before = {number: signal.getsignal(number) for number in _STOPPING}
+    for number, handler in before.items():
+        if handler not in (signal.SIG_IGN, None):  # blocking alone is not enough: another thread may hear it
+            signal.signal(number, lambda heard_number, _: heard.append(heard_number))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, _STOPPING)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        for number, handler in before.items():
+            if handler is not None:
+                signal.signal(number, handler)
+        for put_off in heard:
+            signal.raise_signal(put_off)
 
 
 @contextmanager

@@ -35,6 +35,7 @@ COMMANDS = {
     "localize": "benchmark.commands.localize:localize",
     "table": "benchmark.commands.table:table",
     "check": "benchmark.commands.check:check",
+    "compare": "benchmark.commands.compare:compare",
     "model show": "benchmark.commands.model:show",
     "assets build": "benchmark.commands.assets:build",
     "assets teach": "benchmark.commands.assets:teach",

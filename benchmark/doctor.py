@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-from vision.errors import FocalpickError
+from vision import kernel_cache
+from vision.errors import FocalpickError, ResourceError
 
 ROOT = Path(__file__).resolve().parents[1]
 RESTORE = (
@@ -44,7 +45,7 @@ class Finding:
         subject: what was checked.
         ok: whether it is as it should be.
         text: what was found, in a few words.
-        remedy: what to do where it is not ok, as an imperative sentence.
+        remedy: what to do where it is not ok, as an imperative sentence; empty where the text says it.
     """
 
     subject: str
@@ -106,9 +107,13 @@ def check_pins() -> Iterator[Finding]:
 
 def check_gl() -> Iterator[Finding]:
     """A small picture can be drawn, in a process of its own that may crash."""
-    from benchmark.world.gl import APT_PACKAGES, choose_backend
+    from benchmark.world.gl import INSTALL, require_backend
 
-    backend = choose_backend()
+    try:
+        backend = require_backend()
+    except ResourceError as error:
+        yield Finding("OpenGL", False, str(error).removeprefix("OpenGL: "))
+        return
     environment = {**os.environ, "MUJOCO_GL": backend}
     command = [sys.executable, "-c", _DRAW]
     drawn = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
@@ -116,8 +121,14 @@ def check_gl() -> Iterator[Finding]:
     if drawn.returncode != 0:
         last = (drawn.stderr.strip().splitlines() or ["no message"])[-1]
         text = f"MUJOCO_GL={backend} cannot draw ({last})"
-    remedy = f"Unset MUJOCO_GL, or run: sudo apt-get install -y {' '.join(APT_PACKAGES)}"
-    yield Finding("OpenGL", drawn.returncode == 0, text, remedy)
+    yield Finding("OpenGL", drawn.returncode == 0, text, f"Unset MUJOCO_GL, or {INSTALL}")
+
+
+def check_kernels() -> Iterator[Finding]:
+    """The vision kernels can be compiled, and are kept."""
+    kernel_cache.require()
+    text = f"kept in {kernel_cache.folder()}" if kernel_cache.is_kept() else kernel_cache.ANEW
+    yield Finding("compiled kernels", kernel_cache.is_kept(), text, "Set NUMBA_CACHE_DIR to a folder of your own")
 
 
 def check_assets() -> Iterator[Finding]:
@@ -136,6 +147,7 @@ def check_assets() -> Iterator[Finding]:
 
 def check_models() -> Iterator[Finding]:
     """Every part's taught vision model loads."""
+    kernel_cache.require()
     from benchmark.world.parts import PART_NAMES
     from vision.model.model_file import load_model
 
@@ -168,6 +180,7 @@ CHECKS: dict[str, Callable[[], Iterator[Finding]]] = {
     "libraries": check_versions,
     "pinned versions": check_pins,
     "OpenGL": check_gl,
+    "compiled kernels": check_kernels,
     "parts": check_assets,
     "vision models": check_models,
     "disk": check_disk,

@@ -28,6 +28,7 @@ from vision.errors import FocalpickError, InputError
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
 ACCURACY = ROOT / "docs" / "accuracy.md"
+TUNING = ROOT / "docs" / "tuning.md"
 IMAGES = ROOT / "docs" / "images"
 
 PICTURES = {
@@ -52,12 +53,12 @@ def between_markers(document: str, name: str, text: str) -> str:
 
 
 def table1_block(table: Table, scenes: int, pieces: int, sensor: str) -> str:
-    """What the README says first: Table 1, and both processes together against region growing alone."""
+    """What the README says first: Table 1, and both extractors together against region growing alone."""
     scope = f"Table 1, {scenes} scenes of {pieces} pieces for each part, sensor `{sensor}`"
     blocks = [
         f"{scope} (mean ± standard deviation over the matched pieces at least {_share(BARELY_VISIBLE)}\nvisible):",
         _untitled(_published(table)),
-        'Both processes together ("dual", the paper\'s system) against region growing alone (its predecessor):',
+        'Both extractors together ("dual", the paper\'s system) against region growing alone (its predecessor):',
         _untitled(_dual(table)),
         "In brackets: 95 % Wilson interval. The records are in `results/table1`; `focalpick table results/table1` "
         "prints all of it.",
@@ -135,12 +136,19 @@ def fill_timing(file: Path) -> None:
     _put(ACCURACY, "timing", f"Measured:\n\n{file.read_text(encoding='utf-8')}")
 
 
+def fill_tuning(directory: Path) -> None:
+    """What the scripts of `benchmark/tuning` printed with `--format md`: NAME.md for each of them."""
+    for name in ("ellipse_score", "edge_sigmas", "confirmation"):
+        _put(TUNING, name, f"Measured:\n\n{(directory / f'{name}.md').read_text(encoding='utf-8')}")
+
+
 FILLS: dict[str, Callable[[Path], None]] = {
     "table1": fill_table1,
     "shopfloor": fill_shopfloor,
     "calibration": fill_calibration,
     "teaching": fill_teaching,
     "timing": fill_timing,
+    "tuning": fill_tuning,
 }
 
 
@@ -163,7 +171,7 @@ def _published(table: Table) -> Grid:
         label = "" if row.part == last else SIZED.get(row.part, row.part)
         rows.append((label, f"{row.method}-match", str(row.n), *_beside_published(row)))
         last = row.part
-    columns = ("Object", "Process", "n", "Translation (mm)", "published", "Rotation (°)", "published")
+    columns = ("Object", "Extractor", "n", "Translation (mm)", "published", "Rotation (°)", "published")
     return Grid("", columns, tuple(rows))
 
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 
 Array = NDArray[np.float64]
 
@@ -21,6 +22,7 @@ JOINT_NAMES = tuple(f"joint{i}" for i in range(1, 7))
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class JointLimits:
     """What the six joints may do.
 
@@ -43,16 +45,11 @@ class JointLimits:
             values = np.array(getattr(self, name), dtype=float)
             if values.shape != (6,) or not np.isfinite(values).all():
                 raise InputError(f"{name} limits of the joints", got=values.tolist(), expected="6 finite numbers")
-            values.flags.writeable = False
             object.__setattr__(self, name, values)
         if (self.lower >= self.upper).any() or min(
             self.velocity.min(), self.acceleration.min(), self.jerk.min()
         ) <= 0:
             raise InputError("joint limits", got=self, expected="lower < upper and rates > 0")
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (JointLimits, (self.lower, self.upper, self.velocity, self.acceleration, self.jerk))
 
     @classmethod
     def from_model(cls, model: Any, prefix: str = "") -> JointLimits:

@@ -12,18 +12,20 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from robot.clearance import points_clearance, swept_back
-from robot.grasps import OpenedGrasp, TaughtGrasp
+from robot.grasps import OpenedGrasp
 from robot.gripper_geometry import GripperGeometry
+from vision.model.grasp import GraspCoordinates
 
 Array = NDArray[np.float64]
 
 MARGINS_M = (0.0006, 0.001, 0.002, 0.004)
 LEAST_CLEARANCE_M = 0.0004
 _MOST_CLEARANCE_M = 0.005
+_SAME, _FLIPPED = (RigidTransform.from_rotation(Rotation.from_euler("z", turn)) for turn in (0.0, np.pi))
 
 
 def opened_grasps(
-    gripper: GripperGeometry, grasps: Sequence[TaughtGrasp], points_part: ArrayLike, approach_m: float
+    gripper: GripperGeometry, grasps: Sequence[GraspCoordinates], points_part: ArrayLike, approach_m: float
 ) -> tuple[OpenedGrasp, ...]:
     """The grasps that the gripper can reach past the part itself, each with every opening worth trying.
 
@@ -42,16 +44,15 @@ def opened_grasps(
     return tuple(opened for grasp in grasps for opened in _openings(gripper, grasp, points, approach_m))
 
 
-def copies_in_part(grasp: TaughtGrasp) -> RigidTransform:
+def copies_in_part(grasp: GraspCoordinates) -> RigidTransform:
     """T_part_tcp of all copies about the part's axis, each also with the gripper turned half round: a stack."""
-    angles = 2 * np.pi * np.arange(grasp.copies) / grasp.copies
-    turns = Rotation.from_rotvec(np.repeat(angles, 2)[:, None] * [0.0, 0.0, 1.0])
-    flips = Rotation.from_rotvec(np.tile([0.0, np.pi], grasp.copies)[:, None] * [0.0, 0.0, 1.0])
-    turned = RigidTransform.from_rotation(turns) * grasp.T_part_tcp
-    return turned * RigidTransform.from_rotation(flips)
+    poses = grasp.poses()
+    return RigidTransform.concatenate([pose * flip for pose in poses for flip in (_SAME, _FLIPPED)])
 
 
-def _openings(gripper: GripperGeometry, grasp: TaughtGrasp, points: Array, approach_m: float) -> list[OpenedGrasp]:
+def _openings(
+    gripper: GripperGeometry, grasp: GraspCoordinates, points: Array, approach_m: float
+) -> list[OpenedGrasp]:
     inside = grasp.kind == "inside"
     closed = grasp.width_m - 2 * gripper.finger_thickness_m * inside
     poses = copies_in_part(grasp)

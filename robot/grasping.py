@@ -16,14 +16,14 @@ from robot.arm import joint_vector
 from robot.clearance import boxes_clearance, points_clearance, swept_back
 from robot.errors import UnreachableError
 from robot.grasp_opening import copies_in_part
-from robot.grasps import GraspChoice, GraspPlan, GraspSettings, OpenedGrasp, Piece
+from robot.grasps import GraspChoice, GraspParameters, GraspPlan, OpenedGrasp, Piece
 from robot.gripper_geometry import Boxes, GripperGeometry
 from robot.kinematics import ArmKinematics
 from robot.trajectory import cartesian_line
 
 Array = NDArray[np.float64]
 
-DEFAULT_SETTINGS = GraspSettings()
+DEFAULT_PARAMETERS = GraspParameters()
 _POINT_SPACING_M = 0.0025
 _COLUMNS = 24  # across a piece, to find what lies upon it
 _COVERED_COST = 4.0  # of a wholly covered piece, where each virtue counts up to one
@@ -39,8 +39,8 @@ class _Candidate:
     merit: float  # what the clearance has no part in
     checked: bool = False
 
-    def score(self, settings: GraspSettings) -> float:
-        return self.merit + min(self.clearance_m / settings.good_clearance_m, 1.0)
+    def score(self, parameters: GraspParameters) -> float:
+        return self.merit + min(self.clearance_m / parameters.good_clearance_m, 1.0)
 
 
 def plan_grasp(
@@ -49,7 +49,7 @@ def plan_grasp(
     pieces: Sequence[Piece],
     environment: Boxes,
     seed_q: ArrayLike,
-    settings: GraspSettings = DEFAULT_SETTINGS,
+    parameters: GraspParameters = DEFAULT_PARAMETERS,
     usable: Callable[[GraspPlan], bool] = lambda _: True,
 ) -> GraspChoice:
     """Choose the piece and the grasp that forgive most, among those that the arm can reach.
@@ -60,7 +60,7 @@ def plan_grasp(
         pieces: all localised pieces; each may be taken, the others are in the way.
         environment: bin walls, floor and the like in the world frame.
         seed_q: (6,) where the arm is, in rad.
-        settings: what counts as good.
+        parameters: what counts as good.
         usable: whether the rest of the task can be done with a plan; if not, the next best one is tried.
 
     Returns:
@@ -77,16 +77,16 @@ def plan_grasp(
         candidate
         for index, piece in enumerate(pieces)
         for candidate in _candidates(
-            index, piece, covered_share(clouds[index], obstacles[index]), gripper, environment, settings, rejected
+            index, piece, covered_share(clouds[index], obstacles[index]), gripper, environment, parameters, rejected
         )
     ]
     tries = 0
-    for candidate in _best_first(candidates, gripper, obstacles, settings, rejected):
-        if tries == settings.max_tries:
+    for candidate in _best_first(candidates, gripper, obstacles, parameters, rejected):
+        if tries == parameters.max_tries:
             rejected["not tried"] += 1
             continue
         tries += 1
-        plan = _reach(candidate, kinematics, gripper, seed, settings)
+        plan = _reach(candidate, kinematics, gripper, seed, parameters)
         if plan is not None and usable(plan):
             return GraspChoice(plan, +rejected)
         rejected["out of reach" if plan is None else "of no use"] += 1
@@ -124,29 +124,29 @@ def _candidates(
     covered: float,
     gripper: GripperGeometry,
     environment: Boxes,
-    settings: GraspSettings,
+    parameters: GraspParameters,
     rejected: Counter[str],
 ) -> Iterator[_Candidate]:
     """The grasps of one piece that do not collide with the environment."""
-    if covered > settings.max_covered:
+    if covered > parameters.max_covered:
         rejected["under other pieces"] += len(piece.grasps)
         return
     for opened in piece.grasps:
         poses = piece.T_world_part * copies_in_part(opened.grasp)
         rotations, translations = poses.rotation.as_matrix(), np.asarray(poses.translation)
         tilts = np.arccos(np.clip(-rotations[:, 2, 2], -1.0, 1.0))
-        upright = np.flatnonzero(tilts <= settings.max_tilt_rad)
+        upright = np.flatnonzero(tilts <= parameters.max_tilt_rad)
         rejected["too tilted"] += len(tilts) - len(upright)
-        tool = swept_back(_closing(gripper, opened), settings.approach_m)
+        tool = swept_back(_closing(gripper, opened), parameters.approach_m)
         clearances = boxes_clearance(tool, rotations[upright], translations[upright], environment)
-        forgiven = min(opened.clearance_m / settings.good_opening_m, 1.0)
+        forgiven = min(opened.clearance_m / parameters.good_opening_m, 1.0)
         for number, clearance in zip(upright, clearances, strict=True):
-            if clearance < settings.min_clearance_m:
+            if clearance < parameters.min_clearance_m:
                 rejected["collision"] += 1
                 continue
             tilt = float(tilts[number])
-            merit = piece.confidence + forgiven - tilt / settings.max_tilt_rad - _COVERED_COST * covered
-            room = min(float(clearance), settings.good_clearance_m)
+            merit = piece.confidence + forgiven - tilt / parameters.max_tilt_rad - _COVERED_COST * covered
+            room = min(float(clearance), parameters.good_clearance_m)
             yield _Candidate(index, opened, poses[int(number)], room, tilt, merit)
 
 
@@ -154,7 +154,7 @@ def _best_first(
     candidates: Sequence[_Candidate],
     gripper: GripperGeometry,
     obstacles: Sequence[Array],
-    settings: GraspSettings,
+    parameters: GraspParameters,
     rejected: Counter[str],
 ) -> Iterator[_Candidate]:
     """The candidates that also miss the other pieces, best first.
@@ -163,26 +163,30 @@ def _best_first(
     leads.
     """
     number = itertools.count()
-    queue = [(-c.score(settings), next(number), c) for c in candidates]
+    queue = [(-c.score(parameters), next(number), c) for c in candidates]
     heapq.heapify(queue)
     while queue:
         _, _, candidate = heapq.heappop(queue)
         if candidate.checked:
             yield candidate
             continue
-        clearance = min(candidate.clearance_m, _from_pieces(candidate, gripper, obstacles[candidate.piece], settings))
-        if clearance < settings.min_clearance_m:
+        clearance = min(
+            candidate.clearance_m, _from_pieces(candidate, gripper, obstacles[candidate.piece], parameters)
+        )
+        if clearance < parameters.min_clearance_m:
             rejected["collision"] += 1
             continue
         checked = replace(candidate, clearance_m=clearance, checked=True)
-        heapq.heappush(queue, (-checked.score(settings), next(number), checked))
+        heapq.heappush(queue, (-checked.score(parameters), next(number), checked))
 
 
-def _from_pieces(candidate: _Candidate, gripper: GripperGeometry, obstacles: Array, settings: GraspSettings) -> float:
+def _from_pieces(
+    candidate: _Candidate, gripper: GripperGeometry, obstacles: Array, parameters: GraspParameters
+) -> float:
     """Clearance from the other pieces over the straight approach, cut at the good one."""
-    tool = swept_back(_closing(gripper, candidate.grasp), settings.approach_m)
+    tool = swept_back(_closing(gripper, candidate.grasp), parameters.approach_m)
     matrix = candidate.T_world_tcp.as_matrix()
-    found = points_clearance(tool, matrix[None, :3, :3], matrix[None, :3, 3], obstacles, settings.good_clearance_m)
+    found = points_clearance(tool, matrix[None, :3, :3], matrix[None, :3, 3], obstacles, parameters.good_clearance_m)
     return float(found[0])
 
 
@@ -201,13 +205,17 @@ def _thinned(points: Array) -> Array:
 
 
 def _reach(
-    candidate: _Candidate, kinematics: ArmKinematics, gripper: GripperGeometry, seed: Array, settings: GraspSettings
+    candidate: _Candidate,
+    kinematics: ArmKinematics,
+    gripper: GripperGeometry,
+    seed: Array,
+    parameters: GraspParameters,
 ) -> GraspPlan | None:
     """The motions of a candidate; None when the arm cannot do them."""
     tcp, tool = candidate.T_world_tcp, gripper.T_flange_tcp
-    pregrasp = tcp * RigidTransform.from_translation([0.0, 0.0, -settings.approach_m])
-    lifted = RigidTransform.from_translation([0.0, 0.0, settings.lift_m]) * tcp
-    slow, loaded = (kinematics.limits.scaled(s) for s in (settings.approach_speed, settings.lift_speed))
+    pregrasp = tcp * RigidTransform.from_translation([0.0, 0.0, -parameters.approach_m])
+    lifted = RigidTransform.from_translation([0.0, 0.0, parameters.lift_m]) * tcp
+    slow, loaded = (kinematics.limits.scaled(s) for s in (parameters.approach_speed, parameters.lift_speed))
     try:
         approach = cartesian_line(kinematics, pregrasp, tcp, seed, T_flange_tool=tool, limits=slow)
         lift = cartesian_line(kinematics, tcp, lifted, approach.q[-1], T_flange_tool=tool, limits=loaded)

@@ -4,47 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from robot.trajectory import Trajectory
-from vision.errors import InputError
+from vision.frozen import frozen_arrays
+from vision.model.grasp import GraspCoordinates
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class TaughtGrasp:
-    """Where to hold a part.
-
-    Attributes:
-        name: a label for people.
-        T_part_tcp: the tool centre point on the part (z approach, x opening direction).
-        width_m: size of what is gripped, along x: outer size for an outside grip, bore for an inside grip.
-        kind: close on the outside or open on the inside.
-        copies: how many equally spaced rotations about the part's z axis are equally good.
-    """
-
-    name: str
-    T_part_tcp: RigidTransform
-    width_m: float
-    kind: Literal["outside", "inside"]
-    copies: int = 1
-
-    def __post_init__(self) -> None:
-        if self.kind not in ("outside", "inside"):
-            raise InputError(f"kind of grasp {self.name}", got=self.kind, expected="outside or inside")
-        if not self.width_m > 0 or self.copies < 1:
-            raise InputError(
-                f"grasp {self.name}", got=f"width {self.width_m} m, {self.copies} copies", expected="both above zero"
-            )
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Rebuild through the constructor, which checks the values."""
-        return (TaughtGrasp, (self.name, self.T_part_tcp, self.width_m, self.kind, self.copies))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,13 +27,14 @@ class OpenedGrasp:
         clearance_m: distance of the gripper from the part itself over the approach: the error it forgives.
     """
 
-    grasp: TaughtGrasp
+    grasp: GraspCoordinates
     open_width_m: float
     closed_width_m: float
     clearance_m: float
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Piece:
     """A localised piece: a thing to take, and an obstacle while others are taken.
 
@@ -81,13 +51,7 @@ class Piece:
     confidence: float = 1.0
 
     def __post_init__(self) -> None:
-        points = np.array(self.points_part, dtype=float).reshape(-1, 3)
-        points.flags.writeable = False
-        object.__setattr__(self, "points_part", points)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the array stays read-only."""
-        return (Piece, (self.T_world_part, self.grasps, self.points_part, self.confidence))
+        object.__setattr__(self, "points_part", np.array(self.points_part, dtype=float).reshape(-1, 3))
 
     @property
     def points_world(self) -> Array:
@@ -97,7 +61,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class GraspSettings:
+class GraspParameters:
     """What counts as a good grasp.
 
     Attributes:
@@ -152,7 +116,7 @@ class GraspPlan:
     tilt_rad: float
 
     @property
-    def taught(self) -> TaughtGrasp:
+    def taught(self) -> GraspCoordinates:
         """The grasp as it was taught."""
         return self.grasp.grasp
 

@@ -13,6 +13,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from robot.arm import SCENES, find
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 
 Array = NDArray[np.float64]
 
@@ -20,6 +21,7 @@ PARALLEL_GRIPPER = SCENES / "gripper.xml"
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Boxes:
     """Solid boxes in one frame.
 
@@ -39,12 +41,7 @@ class Boxes:
             values = np.array(getattr(self, name), dtype=float)
             if values.shape != shape or not np.isfinite(values).all():
                 raise InputError(f"{name} of boxes", got=values.shape, expected=f"finite numbers of shape {shape}")
-            values.flags.writeable = False
             object.__setattr__(self, name, values)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Boxes, (self.centres, self.rotations, self.half_sizes))
 
     def __len__(self) -> int:
         return len(self.centres)

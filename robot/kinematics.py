@@ -15,6 +15,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from robot.arm import PUMA_761, JointLimits, find, joint_vector
 from robot.errors import UnreachableError
 from vision.errors import InputError
+from vision.frozen import read_only
 
 Array = NDArray[np.float64]
 
@@ -25,8 +26,7 @@ _CONVERGED = 1e-8
 _STEPS = 40
 # A solution this near its seed on every joint needs no comparison with the other branches.
 _NEAR_RAD = np.radians(75)
-HOME_Q = np.radians([0.0, -45.0, 15.0, 0.0, 30.0, 0.0])
-HOME_Q.flags.writeable = False
+HOME_Q = read_only(np.radians([0.0, -45.0, 15.0, 0.0, 30.0, 0.0]))
 
 
 class ArmKinematics:

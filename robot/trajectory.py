@@ -14,6 +14,7 @@ from robot.arm import JointLimits, joint_vector
 from robot.errors import UnreachableError
 from robot.kinematics import ArmKinematics
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 
 Array = NDArray[np.float64]
 
@@ -25,6 +26,7 @@ _MAX_JOINT_STEP_RAD = 0.15
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Trajectory:
     """Joint angles and speeds at equal time steps, from rest to rest.
 
@@ -43,12 +45,7 @@ class Trajectory:
             values = np.array(getattr(self, name), dtype=float)
             if values.ndim != 2 or values.shape[1] != 6 or values.shape != np.shape(self.q):
                 raise InputError(f"trajectory {name}", got=values.shape, expected="(N, 6), both alike")
-            values.flags.writeable = False
             object.__setattr__(self, name, values)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Trajectory, (self.q, self.qd, self.dt_s))
 
     def __len__(self) -> int:
         return len(self.q)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,32 +52,16 @@ def look_at(target_world: ArrayLike, position_world: ArrayLike, *, upside_down: 
     return RigidTransform.from_components(position, Rotation.from_matrix(np.column_stack([x, np.cross(z, x), z])))
 
 
-def viewpoints(
-    target_world: ArrayLike,
-    distance_m: float,
-    count: int = 3,
-    tilt_rad: float = DEFAULT_TILT_RAD,
-    *,
-    first_azimuth_rad: float = np.pi,
-) -> list[RigidTransform]:
-    """Camera poses evenly around a target, all aimed at it.
+class Viewpoint(NamedTuple):
+    """Where to look from.
 
-    Args:
-        target_world: (3,) point to look at, in m.
-        distance_m: from the camera to the target.
-        count: how many.
-        tilt_rad: angle of the optical axis from the vertical.
-        first_azimuth_rad: where the first one stands, about the world's z axis from its x axis (pi: robot's side).
-
-    Returns:
-        T_world_camera (OpenCV axes) per viewpoint, image x along the world's y axis.
-
-    Raises:
-        InputError: when the distance, the count or the tilt is out of range.
+    Attributes:
+        T_world_camera: pose of the camera (OpenCV axes).
+        q: (6,) joint angles that bring it there, in rad.
     """
-    _check(distance_m, count, tilt_rad)
-    azimuths = first_azimuth_rad + 2 * np.pi * np.arange(count) / count
-    return [_viewpoint(target_world, distance_m, tilt_rad, azimuth) for azimuth in azimuths]
+
+    T_world_camera: RigidTransform
+    q: Array
 
 
 def reachable_viewpoints(
@@ -87,7 +72,7 @@ def reachable_viewpoints(
     count: int = 3,
     tilt_rad: float = DEFAULT_TILT_RAD,
     seed_q: ArrayLike = HOME_Q,
-) -> list[tuple[RigidTransform, Array]]:
+) -> list[Viewpoint]:
     """Of the viewpoints on a ring around the target, the reachable ones that lie furthest apart.
 
     Takes about a second, since out-of-reach poses are searched for in vain. A cell's viewpoints never change: ask
@@ -103,7 +88,7 @@ def reachable_viewpoints(
         seed_q: (6,) joint angles to stay near to, in rad.
 
     Returns:
-        ``count`` pairs of T_world_camera and joint angles (6,), in the order of their azimuths.
+        ``count`` viewpoints, in the order of their azimuths.
 
     Raises:
         InputError: when the distance, the count or the tilt is out of range.
@@ -111,13 +96,13 @@ def reachable_viewpoints(
     """
     _check(distance_m, count, tilt_rad)
     seed = joint_vector(seed_q)
-    found: list[tuple[RigidTransform, Array]] = []
+    found: list[Viewpoint] = []
     for azimuth in _AZIMUTHS_RAD:
         poses = [_viewpoint(target_world, distance_m, tilt_rad, azimuth, upside_down=flip) for flip in (True, False)]
         solutions = [(pose, kinematics.solutions(pose * T_flange_camera.inv(), seed)) for pose in poses]
-        candidates = [(pose, q[0]) for pose, q in solutions if q]
+        candidates = [Viewpoint(pose, q[0]) for pose, q in solutions if q]
         if candidates:
-            found.append(min(candidates, key=lambda pair: _travel(pair[1], seed)))
+            found.append(min(candidates, key=lambda viewpoint: _travel(viewpoint.q, seed)))
     if len(found) < count:
         raise UnreachableError(
             "viewpoints",
@@ -177,9 +162,7 @@ def _travel(q: Array, seed: Array) -> float:
     return float(np.abs(q - seed).max())
 
 
-def _best_set(
-    found: list[tuple[RigidTransform, Array]], count: int, seed: Array
-) -> list[tuple[RigidTransform, Array]]:
+def _best_set(found: list[Viewpoint], count: int, seed: Array) -> list[Viewpoint]:
     """The subset with little travel among those whose two nearest optical axes include a large angle."""
     axes = np.array([pose.rotation.as_matrix()[:, 2] for pose, _ in found])
     angles = np.arccos(np.clip(axes @ axes.T, -1.0, 1.0))
@@ -188,7 +171,7 @@ def _best_set(
     good = [
         subset for subset, angle in zip(subsets, parallax, strict=True) if angle >= _GOOD_PARALLAX * parallax.max()
     ]
-    best = min(good, key=lambda subset: sum(_travel(found[i][1], seed) for i in subset))
+    best = min(good, key=lambda subset: sum(_travel(found[i].q, seed) for i in subset))
     return [found[i] for i in best]
 
 

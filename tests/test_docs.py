@@ -156,7 +156,7 @@ def test_the_librarys_examples_find_the_four_pieces(monkeypatch, capsys, pieces)
     assert max(sigma_m) < 0.1e-3
     assert capsys.readouterr().out.count("cover2: (") == 4
     assert names["region_growing_alone"].name == "region"
-    assert {feature.process for feature in names["rims"]} == {"region"}
+    assert {feature.extractor for feature in names["rims"]} == {"region"}
     assert len(names["large"]) >= 1
     assert len(names["grouping"].features) >= 10
 

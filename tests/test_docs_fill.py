@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmark.config import SweepConfig
-from benchmark.records.episode_record import EpisodeRecord, NormalizedError, PieceRecord, PoseErrors, ProcessResult
+from benchmark.records.episode_record import EpisodeRecord, LocalizerResult, NormalizedError, PieceRecord, PoseErrors
 from benchmark.records.store import read_config, read_records
 from benchmark.report.tables import build_table
 from docs.fill import README, between_markers, sensor_block, table1_block
@@ -41,8 +41,8 @@ def test_markers_that_are_not_there_once_are_an_error(document):
 
 
 def test_a_sensor_has_its_rates_errors_and_coverage():
-    hit = ProcessResult(True, True, PoseErrors(0.5, 0.25, 0.125, 0.25, 1.0), NormalizedError(3.0, 6))
-    miss = ProcessResult(False, False)
+    hit = LocalizerResult(True, True, PoseErrors(0.5, 0.25, 0.125, 0.25, 1.0), NormalizedError(3.0, 6))
+    miss = LocalizerResult(False, False)
     pieces = tuple(
         PieceRecord(i, "hub", visibility, True, {"dual": result})
         for i, (visibility, result) in enumerate([(0.9, hit), (0.8, hit), (0.3, miss)])

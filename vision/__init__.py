@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from vision.geometry.camera import Camera, View
     from vision.geometry.circle import Circle
     from vision.geometry.ellipse import Ellipse
+    from vision.geometry.pose_reading import PoseReading
     from vision.geometry.workspace import Workspace
     from vision.grouping.detector import detect_ellipses, find_ellipses
     from vision.grouping.edge_grouping import Grouping, GroupingParameters, group_edges, group_ellipses
@@ -27,21 +28,16 @@ if TYPE_CHECKING:
     from vision.grouping.kalman_filter import FilterParameters
     from vision.localizer import EllipseLocalizer, Localization, Localizer, extract_features
     from vision.matching.parameters import MatchingParameters
+    from vision.matching.pose_check import PoseCheck, check_poses
+    from vision.model.grasp import BoreCoordinates, GraspCoordinates
     from vision.model.model_file import load_model, save_model
-    from vision.model.vision_model import (
-        AttributeRange,
-        BoreCoordinates,
-        CircleFeature,
-        GraspCoordinates,
-        Pattern,
-        VisionModel,
-    )
+    from vision.model.vision_model import AttributeRange, CircleFeature, Pattern, VisionModel
     from vision.pose.calibration import CalibrationError
     from vision.pose.estimate import FeatureSupport, PoseEstimate
     from vision.regions.attributes import AttributeConstraints
-    from vision.regions.quadtree import SplitAndMerge
-    from vision.regions.region_ellipses import BoundaryFit, region_ellipses
-    from vision.regions.segmentation import Region, RegionGrowing, Segmentation, segment
+    from vision.regions.quadtree import SplitAndMergeParameters
+    from vision.regions.region_ellipses import BoundaryFitParameters, region_ellipses
+    from vision.regions.segmentation import Region, RegionGrowingParameters, Segmentation, segment
 
 kernel_cache.settle()  # before any module with kernels is imported
 
@@ -49,7 +45,7 @@ __all__ = [
     "AttributeConstraints",
     "AttributeRange",
     "BoreCoordinates",
-    "BoundaryFit",
+    "BoundaryFitParameters",
     "CalibrationError",
     "Camera",
     "Circle",
@@ -74,16 +70,19 @@ __all__ = [
     "Localizer",
     "MatchingParameters",
     "Pattern",
+    "PoseCheck",
     "PoseEstimate",
+    "PoseReading",
     "Region",
     "RegionAttributes",
-    "RegionGrowing",
+    "RegionGrowingParameters",
     "ResourceError",
     "Segmentation",
-    "SplitAndMerge",
+    "SplitAndMergeParameters",
     "View",
     "VisionModel",
     "Workspace",
+    "check_poses",
     "detect_edges",
     "detect_ellipses",
     "extract_features",
@@ -132,6 +131,7 @@ _NAMES = {
     ),
     "geometry.circle": ("Circle",),
     "geometry.ellipse": ("Ellipse",),
+    "geometry.pose_reading": ("PoseReading",),
     "geometry.workspace": ("Workspace",),
     "grouping.detector": (
         "detect_ellipses",
@@ -152,15 +152,21 @@ _NAMES = {
         "extract_features",
     ),
     "matching.parameters": ("MatchingParameters",),
+    "matching.pose_check": (
+        "PoseCheck",
+        "check_poses",
+    ),
+    "model.grasp": (
+        "BoreCoordinates",
+        "GraspCoordinates",
+    ),
     "model.model_file": (
         "load_model",
         "save_model",
     ),
     "model.vision_model": (
         "AttributeRange",
-        "BoreCoordinates",
         "CircleFeature",
-        "GraspCoordinates",
         "Pattern",
         "VisionModel",
     ),
@@ -170,14 +176,14 @@ _NAMES = {
         "PoseEstimate",
     ),
     "regions.attributes": ("AttributeConstraints",),
-    "regions.quadtree": ("SplitAndMerge",),
+    "regions.quadtree": ("SplitAndMergeParameters",),
     "regions.region_ellipses": (
-        "BoundaryFit",
+        "BoundaryFitParameters",
         "region_ellipses",
     ),
     "regions.segmentation": (
         "Region",
-        "RegionGrowing",
+        "RegionGrowingParameters",
         "Segmentation",
         "segment",
     ),

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import InputError
-from vision.features import EllipseFeature, Process
+from vision.features import EllipseFeature, Extractor
+from vision.frozen import frozen_arrays
 from vision.grouping.edge_grouping import Grouping, GroupingParameters, group_edges
 from vision.regions.attributes import AttributeConstraints
-from vision.regions.quadtree import SplitAndMerge
-from vision.regions.region_ellipses import BoundaryFit, region_ellipses
-from vision.regions.segmentation import RegionGrowing, Segmentation, segment
+from vision.regions.quadtree import SplitAndMergeParameters
+from vision.regions.region_ellipses import BoundaryFitParameters, region_ellipses
+from vision.regions.segmentation import RegionGrowingParameters, Segmentation, segment
 from vision.settings import POSITIVE, check
 
 Array = NDArray[np.float64]
@@ -38,10 +39,10 @@ class ExtractionThresholds:
         fitting_error_px: edge grouping: largest root mean square distance of edge points to their ellipse.
     """
 
-    canny_low: float = RegionGrowing.edge_low
-    canny_high: float = RegionGrowing.edge_high
-    homogeneity: float = SplitAndMerge.max_deviation
-    boundary_error_px: float = BoundaryFit.max_rms_px
+    canny_low: float = RegionGrowingParameters.edge_low
+    canny_high: float = RegionGrowingParameters.edge_high
+    homogeneity: float = SplitAndMergeParameters.max_deviation
+    boundary_error_px: float = BoundaryFitParameters.max_rms_px
     noise_factor: float = _GROUPING.edges.noise_factor
     shortest_fragment_px: float = _GROUPING.fragments.min_length_px
     fitting_error_px: float = _GROUPING.max_error_px
@@ -54,18 +55,18 @@ class ExtractionThresholds:
             )
 
     @property
-    def growing(self) -> RegionGrowing:
+    def growing(self) -> RegionGrowingParameters:
         """Settings of the segmentation."""
-        return RegionGrowing(
+        return RegionGrowingParameters(
             edge_low=self.canny_low,
             edge_high=self.canny_high,
-            split_and_merge=SplitAndMerge(max_deviation=self.homogeneity),
+            split_and_merge=SplitAndMergeParameters(max_deviation=self.homogeneity),
         )
 
     @property
-    def boundary_fit(self) -> BoundaryFit:
+    def boundary_fit(self) -> BoundaryFitParameters:
         """When the boundary of a region passes for an ellipse."""
-        return BoundaryFit(max_rms_px=self.boundary_error_px)
+        return BoundaryFitParameters(max_rms_px=self.boundary_error_px)
 
     @property
     def grouping(self) -> GroupingParameters:
@@ -94,14 +95,14 @@ class Extraction:
     grouping: Grouping | None
     features: tuple[EllipseFeature, ...]
 
-    def of_process(self, process: Process) -> tuple[EllipseFeature, ...]:
+    def of_extractor(self, extractor: Extractor) -> tuple[EllipseFeature, ...]:
         """The ellipses that one extractor found."""
-        return tuple(feature for feature in self.features if feature.process == process)
+        return tuple(feature for feature in self.features if feature.extractor == extractor)
 
 
 def run_extractors(
     gray: NDArray[np.uint8],
-    processes: Sequence[Process],
+    extractors: Sequence[Extractor],
     constraints: AttributeConstraints | None = None,
     thresholds: ExtractionThresholds | None = None,
 ) -> Extraction:
@@ -109,24 +110,24 @@ def run_extractors(
 
     Args:
         gray: (H, W) uint8 grey levels.
-        processes: which extractors.
+        extractors: which extractors.
         constraints: prune the regions that no taught part can have; None prunes nothing.
         thresholds: of the extractors; None for their own.
     """
     thresholds = thresholds or ExtractionThresholds()
     segmentation, grouping = None, None
     found: list[EllipseFeature] = []
-    if "region" in processes:
-        growing = thresholds.growing
-        segmentation = segment(gray, growing)
-        found += region_ellipses(segmentation, gray, constraints, thresholds.boundary_fit, growing)
-    if "group" in processes:
+    if "region" in extractors:
+        segmentation = segment(gray, thresholds.growing)
+        found += region_ellipses(segmentation, constraints, thresholds.boundary_fit)
+    if "group" in extractors:
         grouping = group_edges(gray, thresholds.grouping)
         found += grouping.features
     return Extraction(segmentation, constraints, grouping, tuple(found))
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Arc:
     """A smooth convex piece of an edge.
 

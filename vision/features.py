@@ -8,9 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Ellipse
 
-Process = Literal["region", "group"]
+Extractor = Literal["region", "group"]
 
 
 @dataclass(frozen=True)
@@ -35,33 +36,25 @@ class RegionAttributes:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class EllipseFeature:
     """An ellipse that an extractor found in one view.
 
     Attributes:
         ellipse: the fitted ellipse, with covariance.
-        process: which extractor found it.
+        extractor: which extractor found it.
         points: (N, 2) sub-pixel edge points that support it, pixels; read-only.
         support: the part of the circumference that edge points cover, 0 to 1.
-        score: goodness, higher is better, comparable within one process.
-        attributes: of the region inside, where the process measures them.
+        score: goodness, higher is better, comparable within one extractor.
+        attributes: of the region inside, where the extractor measures them.
     """
 
     ellipse: Ellipse
-    process: Process
+    extractor: Extractor
     points: NDArray[np.float64]
     support: float
     score: float
     attributes: RegionAttributes | None = field(default=None)
 
     def __post_init__(self) -> None:
-        points = np.array(self.points, dtype=float)
-        points.flags.writeable = False
-        object.__setattr__(self, "points", points)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the points stay read-only."""
-        return (
-            EllipseFeature,
-            (self.ellipse, self.process, self.points, self.support, self.score, self.attributes),
-        )
+        object.__setattr__(self, "points", np.array(self.points, dtype=float))

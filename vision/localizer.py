@@ -11,7 +11,7 @@ import numpy as np
 from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
 from vision.extraction import Arc, Extraction, ExtractionThresholds, arcs_of, run_extractors
-from vision.features import EllipseFeature, Process
+from vision.features import EllipseFeature, Extractor
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace, depth_range
 from vision.matching.matcher import Matcher
@@ -22,22 +22,22 @@ from vision.regions.attributes import AttributeConstraints
 
 T = TypeVar("T")
 
-PRESETS: dict[str, tuple[Process, ...]] = {"dual": ("region", "group"), "region": ("region",), "group": ("group",)}
+PRESETS: dict[str, tuple[Extractor, ...]] = {"dual": ("region", "group"), "region": ("region",), "group": ("group",)}
 """The paper's system, its predecessor [18], and edge grouping alone: which extractors each has."""
 
 
-def processes_of(choice: str | Sequence[str]) -> tuple[Process, ...]:
+def extractors_of(choice: str | Sequence[str]) -> tuple[Extractor, ...]:
     """The extractors that a preset's name stands for, or that are named one by one; region growing comes first.
 
     Raises:
         InputError: when there is no such preset or extractor, or none is named.
     """
     named = PRESETS.get(choice, ()) if isinstance(choice, str) else tuple(choice)
-    known: tuple[Process, ...] = get_args(Process)
+    known: tuple[Extractor, ...] = get_args(Extractor)
     if not named or not all(name in known for name in named):
         expected = f"{', '.join(PRESETS)}, or a tuple with one or more of {', '.join(known)}"
         raise InputError("extractors", got=repr(choice), expected=expected)
-    return tuple(process for process in known if process in named)
+    return tuple(extractor for extractor in known if extractor in named)
 
 
 def checked_models(models: Sequence[VisionModel]) -> tuple[VisionModel, ...]:
@@ -101,12 +101,12 @@ class Localization:
     Attributes:
         estimates: the poses it stands by, best first.
         features: extracted ellipses, one tuple per view; empty for methods that extract none.
-        by_process: for methods with several extractors, what each would have said alone.
+        by_extractor: for methods with several extractors, what each would have said alone.
     """
 
     estimates: tuple[PoseEstimate, ...]
     features: tuple[tuple[EllipseFeature, ...], ...] = ()
-    by_process: dict[str, tuple[PoseEstimate, ...]] = field(default_factory=dict)
+    by_extractor: dict[str, tuple[PoseEstimate, ...]] = field(default_factory=dict)
 
 
 @runtime_checkable
@@ -131,39 +131,39 @@ class Localizer(Protocol):
 class EllipseLocalizer:
     """The paper's system: two extractors, two-phase matching, pose from all views.
 
-    ``processes`` chooses the extractors: both ("dual"), or region growing alone, as in the predecessor system [18],
+    ``extractors`` chooses the extractors: both ("dual"), or region growing alone, as in the predecessor system [18],
     or edge grouping alone.
 
     Attributes:
         models: the taught parts.
-        processes: the extractors at work.
+        extractors: the extractors at work.
         parameters: of the matching.
     """
 
     def __init__(
         self,
         models: Sequence[VisionModel],
-        processes: str | Sequence[Process] = "dual",
+        extractors: str | Sequence[Extractor] = "dual",
         parameters: MatchingParameters | None = None,
     ) -> None:
         """Prepare.
 
         Args:
             models: the taught parts to look for.
-            processes: "dual", "region" or "group", or the extractors to use: of "region" and "group", at least one.
+            extractors: "dual", "region" or "group", or the extractors to use: of "region" and "group", at least one.
             parameters: settings of the matching.
 
         Raises:
             InputError: when there is no model, or no such extractor.
         """
         self.models = checked_models(models)
-        self.processes = processes_of(processes)
+        self.extractors = extractors_of(extractors)
         self.parameters = checked_parameters(parameters)
 
     @property
     def name(self) -> str:
         """Dual, region or group."""
-        return "dual" if len(self.processes) > 1 else self.processes[0]
+        return "dual" if len(self.extractors) > 1 else self.extractors[0]
 
     def localize(self, views: Sequence[View], workspace: Workspace | None = None) -> Localization:
         """See :meth:`Localizer.localize`.
@@ -176,7 +176,7 @@ class EllipseLocalizer:
             return Localization(())
         seen = [self.features_and_arcs(v, workspace) for v in flat]
         features, arcs = [s[0] for s in seen], [s[1] for s in seen]
-        estimates = self._match(flat, features, arcs, workspace, joint_edges=len(self.processes) > 1)
+        estimates = self._match(flat, features, arcs, workspace, joint_edges=len(self.extractors) > 1)
         return Localization(estimates, tuple(tuple(f) for f in features))
 
     def alone(
@@ -191,31 +191,27 @@ class EllipseLocalizer:
             localization: this localizer's answer.
             workspace: that of the localization.
         """
-        if len(self.processes) == 1 or not views:
-            return dict.fromkeys(self.processes, localization.estimates)
+        if len(self.extractors) == 1 or not views:
+            return dict.fromkeys(self.extractors, localization.estimates)
         flat = [v.undistorted() for v in views]
         answers: dict[str, tuple[PoseEstimate, ...]] = {}
-        for process in self.processes:
-            mine = [[f for f in found if f.process == process] for found in localization.features]
-            answers[process] = self._match(flat, mine, (), workspace, joint_edges=False)
+        for extractor in self.extractors:
+            mine = [[f for f in found if f.extractor == extractor] for found in localization.features]
+            answers[extractor] = self._match(flat, mine, (), workspace, joint_edges=False)
         return answers
-
-    def extract(self, view: View, workspace: Workspace | None = None) -> list[EllipseFeature]:
-        """The ellipses that the extractors find in one view with a distortion-free lens."""
-        return self.features_and_arcs(view, workspace)[0]
 
     def features_and_arcs(self, view: View, workspace: Workspace | None) -> tuple[list[EllipseFeature], list[Arc]]:
         """The ellipses of a view, and the arcs to fall back on where both extractors are at work."""
         found = self.extraction(view, workspace)
         arcs: list[Arc] = []
-        if found.grouping is not None and workspace is not None and len(self.processes) > 1:
+        if found.grouping is not None and workspace is not None and len(self.extractors) > 1:
             arcs = arcs_of(found.grouping, SHORTEST_ARC * self._outline_px(view, workspace))
         return list(found.features), arcs
 
     def extraction(self, view: View, workspace: Workspace | None = None) -> Extraction:
         """What every stage of the extractors finds in one view with a distortion-free lens."""
         constraints = attribute_constraints(self.models, view, workspace)
-        found = run_extractors(view.gray, self.processes, constraints, common_thresholds(self.models))
+        found = run_extractors(view.gray, self.extractors, constraints, common_thresholds(self.models))
         smallest, largest = self._sizes_px(view, workspace)
         return replace(
             found, features=tuple(f for f in found.features if smallest < f.ellipse.semi_axes[0] < largest)
@@ -256,7 +252,7 @@ class EllipseLocalizer:
 
 def extract_features(
     view: View,
-    processes: str | Sequence[Process],
+    extractors: str | Sequence[Extractor],
     constraints: AttributeConstraints | None = None,
     thresholds: ExtractionThresholds | None = None,
 ) -> list[EllipseFeature]:
@@ -264,11 +260,11 @@ def extract_features(
 
     Args:
         view: the image.
-        processes: which extractors, as of :class:`EllipseLocalizer`.
+        extractors: which extractors, as of :class:`EllipseLocalizer`.
         constraints: prune the regions that no taught part can have; None prunes nothing.
         thresholds: of the extractors; None for their own.
     """
-    return list(run_extractors(view.gray, processes_of(processes), constraints, thresholds).features)
+    return list(run_extractors(view.gray, extractors_of(extractors), constraints, thresholds).features)
 
 
 def common_thresholds(models: Sequence[VisionModel]) -> ExtractionThresholds:

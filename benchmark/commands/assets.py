@@ -6,7 +6,7 @@ from benchmark.commands.common import OptionalPath
 
 
 def build(out: OptionalPath = None) -> int:
-    """Generate the parts' meshes and collision pieces anew, byte by byte the same every time.
+    """Generate the parts' meshes and collision pieces anew, byte by byte the same with the pinned versions.
 
     Only needed after a change of a part's design; the files are in the repository.
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import os
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from vision.errors import InputError, ResourceError
+from vision import kernel_cache
+from vision.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,6 +32,7 @@ PartNames = Annotated[
 OptionalPath = Annotated[Path | None, tyro.conf.arg(metavar="PATH", help_behavior_hint=_LEFT_OUT)]
 Name = Annotated[str, tyro.conf.arg(metavar="NAME")]
 Number = Annotated[int, tyro.conf.arg(metavar="N")]
+Seconds = Annotated[float, tyro.conf.arg(metavar="SECONDS")]
 SweepDirectory = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
 
 
@@ -50,41 +54,54 @@ def split_parts(text: str | None) -> tuple[str, ...] | None:
     """``"hub,cover1"`` as kinds of scene, each made of known part names or mesh files; None stays None.
 
     Raises:
-        InputError: an unknown part, or a mesh that cannot be one; the message lists the valid names.
+        InputError: an unknown part, a mesh that cannot be one, or one with a comma or + in its name.
     """
     if text is None:
         return None
-    from benchmark.world.mesh_file import MeshReference
-    from benchmark.world.parts import PART_NAMES, get_part
+    from benchmark.meshes.mesh_file import MeshReference
+    from benchmark.world.parts import PART_NAMES, get_part, unknown_part
 
+    _check_no_file_is_cut(text)
     kinds = tuple(kind.strip() for kind in text.split(","))
     for name in (name for kind in kinds for name in kind.split("+")):
         if MeshReference.parse(name) is not None:
             get_part(name)
         elif name not in PART_NAMES:
-            do = "Separate several with commas, join them with + for mixed scenes." if "," not in text else ""
-            raise InputError("part", got=name or "nothing", expected=f"one of {', '.join(PART_NAMES)}", do=do)
+            raise unknown_part(name, got=name or "nothing")
     return kinds
+
+
+def _check_no_file_is_cut(text: str) -> None:
+    """Make sure that no comma or + is one in the name of a mesh file.
+
+    Raises:
+        InputError: one is.
+    """
+    from benchmark.meshes.mesh_file import MeshReference
+
+    pieces = re.split("([,+])", text)
+    for start, end in itertools.combinations(range(0, len(pieces) + 1), 2):
+        name = "".join(pieces[start:end]).strip()
+        mesh = MeshReference.parse(name)
+        if re.search("[,+]", name) and mesh is not None and os.path.isfile(mesh.path):
+            expected = "a name without comma and +: commas separate parts, and + mixes them"
+            do = "Copy or link the file to another name, or go to its folder if that has them in its name."
+            raise InputError("part", got=f"the file {mesh.path}", expected=expected, do=do)
 
 
 def prepare_process() -> None:
     """Settle the OpenGL backend and keep numerical libraries to one thread, before any of them is imported.
 
     Raises:
-        ResourceError: nothing can draw.
+        ResourceError: nothing can draw, or the vision kernels cannot be compiled.
     """
-    from benchmark.episodes.sweep import SINGLE_THREADED
-    from benchmark.world.gl import APT_PACKAGES, choose_backend, works
+    kernel_cache.require()
+    from benchmark.child_process import SINGLE_THREADED
+    from benchmark.world.gl import require_backend
 
     for name, value in SINGLE_THREADED.items():
         os.environ.setdefault(name, value)
-    asked = os.environ.get("MUJOCO_GL")
-    if asked and not works(asked):
-        raise ResourceError(
-            f"OpenGL: MUJOCO_GL={asked} does not work here; unset it to let focalpick choose, "
-            f"or run: sudo apt-get install -y {' '.join(APT_PACKAGES)}"
-        )
-    choose_backend()
+    require_backend()
 
 
 def check_localizer(name: str, part_names: Sequence[str], models: str | None = None) -> None:

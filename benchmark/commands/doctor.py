@@ -20,7 +20,7 @@ def doctor() -> int:
     findings = []
     for finding in examine():
         mark = "[green]ok     [/]" if finding.ok else "[bold red]problem[/]"
-        remedy = "" if finding.ok else f". {finding.remedy}"
+        remedy = "" if finding.ok or not finding.remedy else f". {finding.remedy}"
         console.print(f"{mark}  {escape(finding.subject)}: {escape(finding.text + remedy)}")
         findings.append(finding)
     problems = sum(not finding.ok for finding in findings)

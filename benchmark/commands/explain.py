@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from benchmark.commands.common import named_model, print_line
+from vision import kernel_cache
 from vision.errors import InputError
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ def explain(
         depth_mm: between which distances from the camera parts can lie; they decide on which regions are pruned.
             Without them nothing is.
     """
+    kernel_cache.require()
     from vision.drawing.explain import explain as draw_stages
     from vision.drawing.strokes import contact_sheet
 

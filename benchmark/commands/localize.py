@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from benchmark.commands.common import Name, print_line, results_console
+from vision import kernel_cache
 from vision.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ def localize(
         out: directory in which to draw the poses over the pictures; made where it is missing.
         format: table for the terminal, json for programs, in metres and radians and with the whole covariance.
     """
+    kernel_cache.require()
     from benchmark.localizers.registry import make_localizer
     from vision.files.views import load_views
 
@@ -66,6 +68,8 @@ def localize(
     finder = make_localizer(localizer, models, tuple)
     pictures = load_views(views)
     found = finder.localize(pictures, box).estimates
+    if all(estimate.views < 2 for estimate in found):  # under wrong poses no two views agree on a piece
+        _doubt_poses(pictures, box, models)
     if format == "json":
         print(json.dumps([_as_json(estimate) for estimate in found], indent=2, allow_nan=False))
     else:
@@ -77,6 +81,7 @@ def localize(
 
 def _models(part: str | None, files: Sequence[Path]) -> list[VisionModel]:
     from benchmark.commands.common import split_parts
+    from benchmark.meshes.mesh_file import MeshReference
     from benchmark.models import load_model as load_shipped
     from vision.model.model_file import load_model
 
@@ -84,6 +89,10 @@ def _models(part: str | None, files: Sequence[Path]) -> list[VisionModel]:
         got = "neither" if part is None else "both"
         raise InputError("--part and --model", got=got, expected="one of them")
     names = dict.fromkeys(name for kind in split_parts(part) or () for name in kind.split("+"))
+    for name in names:
+        if MeshReference.parse(name) is not None:
+            expected = "a part whose model is shipped: hub, cover1 or cover2"
+            raise InputError("--part", got=name, expected=expected, do="Give the model that you taught with --model.")
     return [load_shipped(name) for name in names] + [load_model(file) for file in files]
 
 
@@ -92,6 +101,16 @@ def _box(numbers: Sequence[float]) -> Workspace:
 
     x0, y0, z0, x1, y1, z1 = numbers
     return Workspace((x0, y0, z0), (x1, y1, z1))
+
+
+def _doubt_poses(views: Sequence[View], box: Workspace | None, models: Sequence[VisionModel]) -> None:
+    """Say so where the pictures contradict the poses of their cameras."""
+    from vision.matching.pose_check import check_poses
+
+    radii = [feature.circle.radius_m for model in models for feature in model.salient]
+    complaint = check_poses(views, box, (min(radii), max(radii))).complaint
+    if complaint:
+        print_line(f"focalpick: warning: {complaint} (docs/vision.md, 'Conventions')")
 
 
 def _as_table(found: Sequence[PoseEstimate], views: Sequence[View]) -> Table:
@@ -129,7 +148,7 @@ def _as_json(estimate: PoseEstimate) -> dict[str, object]:
         "T_world_part": estimate.T_world_part.as_matrix().tolist(),
         "covariance": estimate.covariance.tolist(),
         "score": float(estimate.score),
-        "process": estimate.process,
+        "process": estimate.extractor,
         "residual_px": float(estimate.residual_px),
         "views": int(estimate.views),
         "inplane_known": bool(estimate.inplane_known),

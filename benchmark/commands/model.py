@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from benchmark.commands.common import OptionalPath, named_model, print_line, results_console
+from vision import kernel_cache
 
 
 def show(
@@ -23,6 +24,7 @@ def show(
         file: a model file, or the name of a part whose model is shipped.
         out: PNG in which to draw the model from the front and from the side.
     """
+    kernel_cache.require()
     from benchmark.report.model_render import print_model
 
     model = named_model(file)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich import box
 from rich.table import Table
 
-from benchmark.records.episode_record import EpisodeRecord, PieceRecord, ProcessResult
+from benchmark.records.episode_record import EpisodeRecord, LocalizerResult, PickRecord, PieceRecord
 from benchmark.report.grid import NOTHING
 
 
@@ -25,12 +25,7 @@ def outcome_table(record: EpisodeRecord) -> Table:
 
 def pick_lines(record: EpisodeRecord) -> list[str]:
     """A line for each pick, for false positives and for the time spent."""
-    lines = []
-    for pick in record.picks:
-        target = f"piece {pick.piece}" if pick.piece is not None else "a pose where no piece is"
-        grasp = f" by {pick.grasp}" if pick.grasp else ""
-        outcome = "succeeded" if pick.succeeded else f"failed at {pick.failed_stage or 'an unknown stage'}"
-        lines.append(f"Pick of {target}{grasp}: {outcome}" if pick.attempted else "No pick: nothing was localised")
+    lines = [_pick_line(pick) for pick in record.picks]
     if any(record.false_positives.values()):
         counts = ", ".join(f"{name} {count}" for name, count in record.false_positives.items())
         lines.append(f"Poses that belong to no piece: {counts}")
@@ -39,8 +34,20 @@ def pick_lines(record: EpisodeRecord) -> list[str]:
     return lines
 
 
+def _pick_line(pick: PickRecord) -> str:
+    if not pick.attempted:
+        return "No pick: nothing was localised"
+    if pick.failed_stage == "plan":
+        reasons = ", ".join(f"{reason} {count}" for reason, count in pick.rejected.items())
+        return "No pick: none of the grasps was possible" + (f" ({reasons})" if reasons else "")
+    target = f"piece {pick.piece}" if pick.piece is not None else "a pose where no piece is"
+    grasp = f" by {pick.grasp}" if pick.grasp else ""
+    outcome = "succeeded" if pick.succeeded else f"failed at {pick.failed_stage or 'an unknown stage'}"
+    return f"Pick of {target}{grasp}: {outcome}"
+
+
 def _result(piece: PieceRecord, method: str) -> str:
-    result: ProcessResult | None = piece.results.get(method)
+    result: LocalizerResult | None = piece.results.get(method)
     if result is None:
         return NOTHING
     if result.matched and result.errors is not None:

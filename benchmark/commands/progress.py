@@ -81,6 +81,10 @@ class SweepProgress:
         if not self._console.is_terminal:
             self._print_line(done, total, eta)
 
+    def tell(self, text: str) -> None:
+        """Show a line of its own."""
+        self._console.print(text, highlight=False)
+
     def taught(self, done: int, total: int) -> None:
         """Show that ``done`` of the ``total`` models that a study needs are taught, before its first episode."""
         self._bar.update(self._task, completed=done, total=total, eta="models being taught")

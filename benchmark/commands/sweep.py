@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,11 +13,13 @@ from benchmark.commands.common import (
     PartNames,
     PresetName,
     PresetNumber,
+    Seconds,
     check_localizer,
     prepare_process,
     print_line,
     split_parts,
 )
+from vision.errors import InputError
 
 if TYPE_CHECKING:
     from benchmark.commands.progress import SweepProgress
@@ -39,12 +42,14 @@ def sweep(
     seed: PresetNumber = None,
     models: OptionalPath = None,
     out: OptionalPath = None,
+    episode_limit: Seconds = 600,
 ) -> int:
     """Run many episodes and record each one in a directory.
 
     An episode drops a few equal parts into a bin, photographs them with the camera on the robot's wrist from two or
     three viewpoints, finds their poses in the images, and lets the robot pick one. A sweep that was stopped or killed
-    goes on where it stopped when the same command is given again. The results do not depend on the number of workers.
+    goes on where it stopped when the same command is given again, as long as the mesh, model and localizer files are
+    the same. The results do not depend on the number of workers.
     The exit code is 1 when an episode did not finish.
 
     Example: focalpick sweep --parts hub,cover2 --scenes 5 --out results/mine
@@ -62,16 +67,20 @@ def sweep(
         views: number of viewpoints, 2 or 3.
         task: pick, or none to stop when the poses are found.
         workers: processes that run side by side, one for each core in the presets.
-        seed: any whole number; the same seed gives the same results.
+        seed: any whole number; the same seed gives the same results on the same machine.
         models: directory of taught models, each named after its part: pulley.json for pulley.obj. They come before
             the shipped ones.
         out: directory for the records; results/PRESET when left out.
+        episode_limit: after so long an episode is stopped, recorded as failed, and tried again when the sweep is
+            resumed; 0 for no limit.
     """
     from rich.console import Console
 
     from benchmark.commands.progress import SweepProgress, timing_table
     from benchmark.config import preset as make_config
 
+    if not 0 <= episode_limit < math.inf:
+        raise InputError("episode-limit", got=episode_limit, expected="a number of seconds, or 0 for no limit")
     config = make_config(
         preset,
         parts=split_parts(parts),
@@ -89,7 +98,7 @@ def sweep(
     prepare_process()
     check_localizer(config.localizer, config.part_names, config.models)
     with SweepProgress(config.workers) as progress:
-        records = _run(config, out, progress)
+        records = _run(config, out, progress, episode_limit or None)
     Console(stderr=True).print(timing_table(records))
     for record in records:
         if record.error is not None:
@@ -100,12 +109,12 @@ def sweep(
     return EXIT_FAILED_EPISODES if failed else 0
 
 
-def _run(config: SweepConfig, out: Path, progress: SweepProgress) -> list[EpisodeRecord]:
+def _run(config: SweepConfig, out: Path, progress: SweepProgress, limit_s: float | None) -> list[EpisodeRecord]:
     """All records of the sweep; what a study varies in the teaching is taught first."""
     from benchmark.episodes.sweep import run_sweep
 
     if not any(variant.is_taught for variant in config.variants):
-        return run_sweep(config, out, on_progress=progress)
+        return run_sweep(config, out, on_progress=progress, episode_limit_s=limit_s, tell=progress.tell)
     from benchmark.episodes.episode import run_episode
     from benchmark.study.taught_models import refusals, teach_variants
 
@@ -115,4 +124,4 @@ def _run(config: SweepConfig, out: Path, progress: SweepProgress) -> list[Episod
             print_line(f"{lesson} could not be taught: {reason}")
 
     run_taught = functools.partial(run_episode, study=out.resolve())
-    return run_sweep(config, out, run_taught, on_progress=progress, prepare=prepare)
+    return run_sweep(config, out, run_taught, on_progress=progress, prepare=prepare, episode_limit_s=limit_s)

@@ -12,6 +12,7 @@ from benchmark.commands.common import OptionalPath, prepare_process, print_line
 from vision.errors import InputError
 
 _OptionalName = Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(optional)")]
+_OptionalUnit = Annotated[str | None, tyro.conf.arg(metavar="UNIT", help_behavior_hint="(optional)")]
 _OptionalPort = Annotated[
     int | None, tyro.conf.arg(metavar="N", help_behavior_hint="(default: a free one from 8765)")
 ]
@@ -22,7 +23,7 @@ def teach(
     part: _OptionalName = None,
     views: OptionalPath = None,
     mesh: OptionalPath = None,
-    unit: str = "m",
+    unit: _OptionalUnit = None,
     diameter_mm: _OptionalSize = None,
     dir: OptionalPath = None,
     out: OptionalPath = None,
@@ -41,7 +42,7 @@ def teach(
         part: a part of the benchmark.
         views: a directory with pictures and views.json.
         mesh: an OBJ, STL or PLY file of a new part.
-        unit: of the mesh, m or mm.
+        unit: of the mesh, m or mm; m when left out. pulley.stl:mm says it, too.
         diameter_mm: outline diameter of the part in the pictures of --views.
         dir: where the pictures of --part or --mesh go; teaching/NAME by default.
         out: the model that is saved; model.json in the directory by default.
@@ -65,7 +66,7 @@ def _open_page(
     part: str | None,
     views: Path | None,
     mesh: Path | None,
-    unit: str,
+    unit: str | None,
     diameter_mm: float | None,
     dir: Path | None,
     out: Path | None,

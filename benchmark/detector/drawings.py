@@ -19,6 +19,7 @@ from benchmark.detector.contrast import FAINT_CONTRAST, VISIBLE_CONTRAST, steps_
 from benchmark.detector.photographs import PHOTOGRAPHIC, compose
 from benchmark.detector.surfaces import letters_without_rings
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Ellipse
 
 Array = NDArray[np.float64]
@@ -31,6 +32,7 @@ _ASKED_SHARE, _TOLERATED_SHARE = 0.5, 0.2  # of the circumference that has contr
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Drawing:
     """One drawn image.
 

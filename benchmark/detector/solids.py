@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from vision.frozen import frozen_arrays
 from vision.geometry.circle import Circle
 
 Array = NDArray[np.float64]
@@ -23,6 +24,7 @@ _WEDGE = "-1 -1 -1  1 -1 -1  -1 1 -1  1 1 -1  -1 -1 1  -1 1 1"  # corners of a p
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Solid:
     """A thing in the scene, in the world's frame with z upwards.
 

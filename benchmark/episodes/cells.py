@@ -6,18 +6,17 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import RigidTransform
 
 from benchmark.config import EpisodeConfig
 from benchmark.world.cell import WorkCell
 from benchmark.world.parts import get_part
 from benchmark.world.scene import CellConfig, cell_config
 from benchmark.world.sensor import sensor_config
-from robot.viewpoints import footprint, reachable_viewpoints, stations
+from robot.viewpoints import Viewpoint, footprint, reachable_viewpoints, stations
 from vision.geometry.workspace import Workspace
 
 Array = NDArray[np.float64]
-Viewpoints = list[tuple[RigidTransform, Array]]
+Viewpoints = list[Viewpoint]
 
 
 class CellPool:

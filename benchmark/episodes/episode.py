@@ -1,4 +1,7 @@
-"""One episode: drop, look, localise, judge, pick.  A seed determines it to the last bit on one platform."""
+"""One episode: drop, look, localise, judge, pick.
+
+A seed determines it to the last bit where the stamp of the environment (``benchmark.records.environment``) is equal.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +29,7 @@ from benchmark.world.cell import WorkCell
 from benchmark.world.drop import DropResult, OnStep
 from benchmark.world.sensor import SensorConfig, calibration_error, sensor_config, with_hand_eye_error
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.localizer import Localization, Localizer
 from vision.pose.calibration import CalibrationError
@@ -71,6 +75,7 @@ class Stopwatch:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class _Sight:
     """What was photographed, and the truth about it."""
 
@@ -128,7 +133,7 @@ def run_episode(
         scene=config.scene,
         seed=config.seed,
         config_hash=config.config_hash,
-        environment=environment_stamp(gl.renderer_name()),
+        environment=environment_stamp(gl.drawn_by()),
         pieces=verdict.pieces,
         picks=picks,
         false_positives=verdict.false_positives,
@@ -167,9 +172,9 @@ def _look(
 ) -> _Sight:
     """Photograph the bin from every viewpoint."""
     views, true_views, visible = [], [], []
-    for index, (_, q) in enumerate(viewpoints):
+    for index, viewpoint in enumerate(viewpoints):
         with watch.stage("motion"):
-            cell.move_joints(q, on_step)
+            cell.move_joints(viewpoint.q, on_step)
         with watch.stage("render"):
             view = cell.capture(rng, f"view {index + 1}")
             seen = cell.visibility()
@@ -208,4 +213,4 @@ def _pick(
     outcome = Picker(cell, on_step, models).pick(localization.estimates)
     observer.picked(outcome)
     owner = None if outcome.estimate is None else verdict.owner[outcome.estimate]
-    return PickRecord(True, owner, outcome.succeeded, outcome.failed_stage, outcome.grasp)
+    return PickRecord(True, owner, outcome.succeeded, outcome.failed_stage, outcome.grasp, dict(outcome.rejected))

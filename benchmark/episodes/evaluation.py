@@ -20,9 +20,10 @@ from benchmark.episodes.metrics import (
     mssd_mm,
     normalized_error,
     pose_errors,
+    pose_offset,
 )
 from benchmark.models import load_model
-from benchmark.records.episode_record import PieceRecord, ProcessResult
+from benchmark.records.episode_record import LocalizerResult, PieceRecord
 from benchmark.world.parts import get_part, vertices
 from vision.features import EllipseFeature
 from vision.geometry.camera import View
@@ -83,7 +84,7 @@ def judge(
         true_views: the images with the true camera poses, to project the true salient ellipses.
         models: directory of vision models that come before the shipped ones.
     """
-    answers = {**localization.by_process, method: localization.estimates}
+    answers = {**localization.by_extractor, method: localization.estimates}
     assignments = {name: assign_estimates(estimates, pieces) for name, estimates in answers.items()}
     records = []
     for index, piece in enumerate(pieces):
@@ -115,15 +116,16 @@ def assign_estimates(estimates: Sequence[PoseEstimate], pieces: Sequence[TruePie
 
 def _result(
     index: int, piece: TruePiece, estimates: Sequence[PoseEstimate], assignment: Assignment, extracted: bool
-) -> ProcessResult:
+) -> LocalizerResult:
     mine = next((i for i, j in assignment.pairs if j == index), None)
     if mine is None:
-        return ProcessResult(extracted, matched=False)
+        return LocalizerResult(extracted, matched=False)
     symmetry, estimate = get_part(piece.part).symmetry, estimates[mine]
     pose, truth = estimate.T_world_part, piece.T_world_part
     errors = pose_errors(pose, truth, symmetry, _hull(piece.part))
     normalized = normalized_error(pose, estimate.covariance, truth, symmetry, inplane_known=estimate.inplane_known)
-    return ProcessResult(extracted, matched=True, errors=errors, normalized=normalized)
+    offset = pose_offset(pose, truth, symmetry, inplane_known=estimate.inplane_known)
+    return LocalizerResult(extracted, matched=True, errors=errors, normalized=normalized, offset=offset)
 
 
 def _extracted(name: str, ellipses: Sequence[Sequence[Ellipse]], localization: Localization) -> bool:
@@ -132,7 +134,7 @@ def _extracted(name: str, ellipses: Sequence[Sequence[Ellipse]], localization: L
         return False
     best = []
     for expected, found in zip(ellipses, localization.features, strict=True):
-        mine = [f for f in found if name not in ("region", "group") or f.process == name]
+        mine = [f for f in found if name not in ("region", "group") or f.extractor == name]
         best.append(max((_best_overlap(e, mine) for e in expected), default=0.0))
     return is_extracted(best)
 
@@ -161,7 +163,7 @@ def _salient_ellipses(piece: TruePiece, view: View, models: str | None) -> list[
     return ellipses
 
 
-def _failed_stage(piece: TruePiece, result: ProcessResult) -> str | None:
+def _failed_stage(piece: TruePiece, result: LocalizerResult) -> str | None:
     if not piece.in_bin:
         return "drop"
     if result.matched:

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.special import chdtri
 
-from benchmark.records.episode_record import NormalizedError, PoseErrors
+from benchmark.records.episode_record import NormalizedError, PoseErrors, PoseOffset
 
 Array = NDArray[np.float64]
 Estimate = TypeVar("Estimate")
@@ -122,13 +122,29 @@ def pose_errors(
     else:
         step = 2 * math.pi / symmetry.fold
         inplane = abs(math.remainder(_twist(rotation), step))
-        geodesic = float((rotation * _symmetry_rotations(symmetry.fold, rotation)).magnitude().min())
+        geodesic = float(_nearest(symmetry.fold, rotation).magnitude())
     return PoseErrors(
         translation_mm=float(1000 * np.linalg.norm(T_truth_estimate.translation)),
         tilt_deg=math.degrees(tilt),
         inplane_deg=None if inplane is None else math.degrees(inplane),
         rotation_deg=math.degrees(geodesic),
         mssd_mm=mssd_mm(T_world_estimate, T_world_truth, symmetry, points),
+    )
+
+
+def pose_offset(
+    T_world_estimate: RigidTransform,
+    T_world_truth: RigidTransform,
+    symmetry: SymmetryLike,
+    *,
+    inplane_known: bool = True,
+) -> PoseOffset:
+    """The way from the true pose to an estimated one; the arguments are those of ``normalized_error``."""
+    T_truth_estimate = T_world_truth.inv() * T_world_estimate
+    turn = _nearest(symmetry.fold if inplane_known else None, T_truth_estimate.rotation)
+    return PoseOffset(
+        translation_mm=tuple((1000 * T_truth_estimate.translation).tolist()),
+        rotation_deg=tuple(turn.as_rotvec(degrees=True).tolist()),
     )
 
 
@@ -142,35 +158,50 @@ def normalized_error(
 ) -> NormalizedError | None:
     """The error of a pose, squared, in units of the covariance that came with it.
 
-    The error has the order and the frame of ``PoseEstimate.covariance``: the translation and then the rotation
-    vector that lead from the true pose to the estimate, both in the world frame and about the part's
-    origin. Of the poses that look the same, the nearest one is the true pose.
-
     Args:
         T_world_estimate: the estimated pose.
         covariance: (6, 6) of the estimate, metres and radians.
         T_world_truth: the true pose.
         symmetry: of the part about its z axis.
-        inplane_known: False leaves the rotation about the estimated axis out, as a continuous symmetry does.
+        inplane_known: as of :func:`error_vector`.
 
     Returns:
         None where the covariance is not (6, 6), finite, symmetric and positive definite.
     """
     if np.shape(covariance) != (6, 6):
         return None
+    error, counted = error_vector(T_world_estimate, T_world_truth, symmetry, inplane_known=inplane_known)
+    squared = _squared_in_units_of(counted.T @ covariance @ counted, counted.T @ error)
+    return None if squared is None else NormalizedError(squared, counted.shape[1])
+
+
+def error_vector(
+    T_world_estimate: RigidTransform, T_world_truth: RigidTransform, symmetry: SymmetryLike, *, inplane_known: bool
+) -> tuple[Array, Array]:
+    """The error of a pose in the order and the frame of ``PoseEstimate.covariance``.
+
+    That is, the translation and then the rotation vector that lead from the true pose to the estimate, both in the
+    world frame and about the part's origin. Of the poses that look the same, the nearest one is the true pose.
+
+    Args:
+        T_world_estimate: the estimated pose.
+        T_world_truth: the true pose.
+        symmetry: of the part about its z axis.
+        inplane_known: False leaves the rotation about the estimated axis out, as a continuous symmetry does.
+
+    Returns:
+        The error (6,) in metres and radians, and the K directions (6, K) in which it counts, orthonormal.
+    """
     whole = inplane_known and symmetry.fold is not None
     T_truth_estimate = T_world_truth.inv() * T_world_estimate
-    rotations = _symmetry_rotations(symmetry.fold if whole else None, T_truth_estimate.rotation)
-    left_over = T_truth_estimate.rotation * rotations
-    nearest = left_over[int(np.argmin(left_over.magnitude()))]
+    nearest = _nearest(symmetry.fold if whole else None, T_truth_estimate.rotation)
     turn = T_world_truth.rotation.apply(nearest.as_rotvec())  # the same rotation, with its axis in the world frame
     error = np.concatenate([T_world_estimate.translation - T_world_truth.translation, turn])
     counted = np.eye(6)
     if not whole:
         across_axis = T_world_estimate.rotation.as_matrix()[:, :2]
         counted = np.block([[np.eye(3), np.zeros((3, 2))], [np.zeros((3, 3)), across_axis]])
-    squared = _squared_in_units_of(counted.T @ covariance @ counted, counted.T @ error)
-    return None if squared is None else NormalizedError(squared, counted.shape[1])
+    return error, counted
 
 
 def is_inside_ellipsoid(error: NormalizedError) -> bool:
@@ -276,6 +307,12 @@ def _symmetry_rotations(fold: int | None, rotation: Rotation) -> Rotation:
     steps, start = (_CONTINUOUS_STEPS, -_twist(rotation)) if fold is None else (fold, 0.0)
     angles = start + 2 * math.pi * np.arange(steps) / steps
     return Rotation.from_rotvec(np.column_stack([np.zeros(steps), np.zeros(steps), angles]))
+
+
+def _nearest(fold: int | None, rotation: Rotation) -> Rotation:
+    """Of a rotation and those that look the same, the smallest."""
+    alike = rotation * _symmetry_rotations(fold, rotation)
+    return alike[int(np.argmin(alike.magnitude()))]
 
 
 def _directions(n: int) -> Array:

@@ -6,7 +6,8 @@ Physics alone holds the piece.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from benchmark.world.scene import CellConfig
 from robot.errors import UnreachableError
 from robot.grasp_opening import opened_grasps
 from robot.grasping import plan_grasp
-from robot.grasps import GraspChoice, GraspPlan, GraspSettings, OpenedGrasp, Piece, TaughtGrasp
+from robot.grasps import GraspChoice, GraspParameters, GraspPlan, OpenedGrasp, Piece
 from robot.gripper import Gripper
 from robot.gripper_geometry import Boxes, GripperGeometry
 from robot.trajectory import Trajectory, cartesian_line, joint_trajectory
@@ -55,14 +56,14 @@ class PickOutcome:
         succeeded: the piece lies in the tray.
         failed_stage: ``plan``, ``grip``, ``lift`` or ``place``; None on success.
         grasp: name of the grasp.
-        body: index of the piece that was held after the lift, None for none.
+        rejected: where no grasp was found, how many fell for which reason; otherwise empty.
     """
 
     estimate: int | None
     succeeded: bool
     failed_stage: str | None
     grasp: str | None
-    body: int | None = None
+    rejected: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,21 +90,22 @@ class Picker:
 
     def pick(self, estimates: tuple[PoseEstimate, ...]) -> PickOutcome:
         """Choose a piece and a grasp, take it and place it."""
-        plan = self.plan(estimates).plan
+        choice = self.plan(estimates)
+        plan = choice.plan
         if plan is None:
-            return PickOutcome(None, False, "plan", None)
-        stage, body = self._carry_out(plan, estimates[plan.piece].part)
-        return PickOutcome(plan.piece, stage is None, stage, plan.taught.name, body)
+            return PickOutcome(None, False, "plan", None, choice.rejected)
+        stage = self._carry_out(plan, estimates[plan.piece].part)
+        return PickOutcome(plan.piece, stage is None, stage, plan.taught.name)
 
     def plan(self, estimates: tuple[PoseEstimate, ...]) -> GraspChoice:
         """The best collision-free grasp of any localised piece that the arm can reach and bring to the tray."""
         config = self._cell.config
         largest = max(get_part(name).diameter_m for name in config.part_names)
-        settings = GraspSettings(approach_m=config.bin_wall_m + 0.03, lift_m=config.bin_wall_m + 0.6 * largest)
+        parameters = GraspParameters(approach_m=config.bin_wall_m + 0.03, lift_m=config.bin_wall_m + 0.6 * largest)
         pieces = [
             Piece(
                 e.T_world_part,
-                opened_grasps_of(e.part, config.gripper_xml, settings.approach_m, self._models),
+                opened_grasps_of(e.part, config.gripper_xml, parameters.approach_m, self._models),
                 surface_points(e.part),
                 _confidence(e),
             )
@@ -115,24 +117,24 @@ class Picker:
             pieces,
             bin_boxes(config),
             self._cell.arm.joint_positions,
-            settings,
+            parameters,
             lambda plan: self._placing(plan, estimates[plan.piece].part) is not None,
         )
 
-    def _carry_out(self, plan: GraspPlan, part: str) -> tuple[str | None, int | None]:
-        """Move; returns the stage that failed, None on success, and the piece that was held."""
+    def _carry_out(self, plan: GraspPlan, part: str) -> str | None:
+        """Move; returns the stage that failed, None on success."""
         cell = self._cell
         self._gripper.open_to(plan.grasp.open_width_m)
         cell.move_joints(plan.q_pregrasp, self._on_step)
         cell.follow(plan.approach, self._on_step)
         if self._grip(plan, part) is None:
-            return "grip", None
+            return "grip"
         cell.follow(plan.lift, self._on_step)
         body = self._held()
         if body is None:
-            return "lift", None
+            return "lift"
         self._place(plan, part)
-        return (None if self._in_tray(body) else "place"), body
+        return None if self._in_tray(body) else "place"
 
     def _grip(self, plan: GraspPlan, part: str) -> int | None:
         weight = get_part(part).mass_kg * 9.81
@@ -232,8 +234,7 @@ def opened_grasps_of(
     part: str, gripper_xml: Path, approach_m: float, models: str | None = None
 ) -> tuple[OpenedGrasp, ...]:
     """The taught grasps of a part that the gripper can reach past the part itself; see `opened_grasps`."""
-    grasps = load_model(part, models).grasps
-    taught = [TaughtGrasp(g.name, g.T_part_tcp, g.width_m, g.kind, g.copies) for g in grasps]
+    taught = load_model(part, models).grasps
     return opened_grasps(GripperGeometry.from_mjcf(gripper_xml), taught, surface_points(part), approach_m)
 
 

@@ -2,40 +2,23 @@
 
 from __future__ import annotations
 
-import os
-import traceback
-import warnings
+import functools
+import time
 from collections.abc import Callable, Generator, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from benchmark.child_process import ended_by_signals
 from benchmark.config import EpisodeConfig, SweepConfig, episodes
-from benchmark.localizers.errors import LocalizerError
+from benchmark.episodes import compiling
+from benchmark.episodes.failures import RunEpisode, attempt, unfinished
+from benchmark.episodes.pool import Lost, Pool
 from benchmark.records.episode_record import EpisodeRecord
 from benchmark.records.store import RecordWriter, read_records
-from vision.errors import FileFormatError, InputError, ResourceError
+from vision import kernel_cache
+from vision.errors import InputError
 
-if TYPE_CHECKING:
-    from distributed import Client, Future
-
-RunEpisode = Callable[[EpisodeConfig], EpisodeRecord]
 OnProgress = Callable[[int, int, EpisodeRecord | None], None]
-
-SINGLE_THREADED = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "LP_NUM_THREADS"), "1")
-"""One thread for each process: the sweep itself fills the cores, and sums do not depend on the number of threads.
-``LP_NUM_THREADS`` is that of Mesa's software renderer."""
-
-_BEGIN_WORKER = """
-from benchmark.child_process import begin_worker
-
-begin_worker()
-"""
-"""Runs in every worker before its first episode."""
-
-_STOPPING = (ResourceError, FileFormatError)
-"""Errors of the machine and of files, which every further episode would meet too; they end the sweep."""
 
 
 class SweepInterruptedError(KeyboardInterrupt):
@@ -49,25 +32,31 @@ def run_sweep(
     workers: int | None = None,
     on_progress: OnProgress | None = None,
     prepare: Callable[[], None] | None = None,
+    episode_limit_s: float | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> list[EpisodeRecord]:
     """Run the episodes of a sweep that are not yet recorded.
 
-    An episode that raises, or kills its worker again and again, is recorded with its ``error`` and the sweep goes
-    on. What would befall every episode, a missing resource or a corrupt file, ends the sweep and is not recorded.
+    An episode that raises, runs too long, or costs several workers their lives is recorded with its ``error`` and the
+    sweep goes on. What would befall every episode, a missing resource or a corrupt file, ends the sweep and is not
+    recorded.
 
     Args:
         config: what to run.
         out: the sweep's directory, made where it does not exist.
         run_episode: a function that can be pickled; the real one by default.
-        workers: overrides ``config.workers``; 1 runs in this process.
+        workers: overrides ``config.workers``; 1 without a time limit runs in this process.
         on_progress: called with (done, total, record) at the start, with None, and after each episode.
         prepare: called once before any episode, when the directory has been found to be this sweep's own.
+        episode_limit_s: how long an episode may run, in seconds; None: for ever.
+        tell: is told in words when kernels are compiled before several processes start; without it each compiles
+            what it needs.
 
     Returns:
         All records of the sweep, old and new, sorted by key.
 
     Raises:
-        InputError: ``out`` cannot be written or holds another sweep.
+        InputError: ``out`` cannot be written or holds another sweep, or one that began with other files.
         ResourceError: the disk is full, or an episode missed something that the machine lacks.
         FileFormatError: a file is corrupt.
         SweepInterruptedError: Ctrl-C.
@@ -78,14 +67,14 @@ def run_sweep(
     with RecordWriter(out, config) as writer:
         recorded = read_records(out)
         remaining = _remaining(plan, recorded, out)
+        _keep_inputs(writer, config, out, recorded)
         done = len(plan) - len(remaining)
         notify = on_progress or (lambda *_: None)
         if prepare is not None:
             prepare()
         notify(done, len(plan), None)
-        run = _run_parallel if min(workers, len(remaining)) > 1 else _run_here
         try:
-            with closing(run(remaining, run_episode, workers)) as records:
+            with closing(_run(remaining, run_episode, workers, episode_limit_s, tell)) as records:
                 for record in records:
                     writer.append(record)
                     done += 1
@@ -95,22 +84,6 @@ def run_sweep(
                 f"stopped; {done} of {len(plan)} episodes are recorded in {out}. The same command goes on from there"
             ) from None
     return read_records(out)
-
-
-def failed_episode(config: EpisodeConfig, error: BaseException) -> EpisodeRecord:
-    """The record of an episode that did not finish, with the kind, text and place of its error in one line."""
-    text, place = " ".join(f"{type(error).__name__}: {error}".split()), ""
-    frames = traceback.extract_tb(error.__traceback__)
-    if frames and not isinstance(error, LocalizerError):  # which names a place of the user's by itself
-        place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})"
-    return EpisodeRecord(
-        key=config.key,
-        parts=config.parts,
-        scene=config.scene,
-        seed=config.seed,
-        config_hash=config.config_hash,
-        error=text + place,
-    )
 
 
 def _real_run_episode() -> RunEpisode:
@@ -137,91 +110,55 @@ def _remaining(plan: list[EpisodeConfig], recorded: list[EpisodeRecord], out: Pa
     return [config for config in plan if config.key not in done]
 
 
-def _attempt(config: EpisodeConfig, run_episode: RunEpisode) -> EpisodeRecord:
-    try:
-        return run_episode(config)
-    except _STOPPING:
-        raise
-    except Exception as error:
-        return failed_episode(config, error)
+def _keep_inputs(writer: RecordWriter, config: SweepConfig, out: Path, recorded: list[EpisodeRecord]) -> None:
+    """Refuse to go on with a mesh, model or localizer that has changed: a table is of one part and one system.
 
-
-def _run_here(configs: list[EpisodeConfig], run_episode: RunEpisode, workers: int) -> Generator[EpisodeRecord]:  # noqa: ARG001
-    for config in configs:
-        yield _attempt(config, run_episode)
-
-
-def _run_parallel(configs: list[EpisodeConfig], run_episode: RunEpisode, workers: int) -> Generator[EpisodeRecord]:
-    """Records in the order in which they are finished; as many episodes in flight as there are workers.
-
-    A worker that dies is replaced, and its episode run again, until the scheduler gives it up with KilledWorker.
+    As long as nothing was finished or taught, nothing can be mixed: whoever mends a file may run the sweep again.
     """
-    from distributed import as_completed
+    from benchmark.episodes.inputs import input_digests
+    from benchmark.study.taught_models import MODELS
 
-    with _client(min(workers, len(configs))) as client:
-        waiting = iter(configs)
-        running: dict[str, EpisodeConfig] = {}
-
-        def submit_next() -> list[Future]:
-            config = next(waiting, None)
-            if config is None:
-                return []
-            running[config.key] = config
-            return [client.submit(_attempt, config, run_episode, key=config.key, pure=False)]
-
-        futures = as_completed([f for _ in range(min(workers, len(configs))) for f in submit_next()])
-        for future in futures:
-            for successor in submit_next():
-                futures.add(successor)
-            yield _result(future, running.pop(future.key))
-            future.release()
+    begun = any(record.error is None for record in recorded) or (out / MODELS).exists()
+    writer.keep_inputs(input_digests(config), begun)
 
 
-def _result(future: Future, config: EpisodeConfig) -> EpisodeRecord:
-    error = future.exception()
-    if error is None:
-        return future.result()
-    if isinstance(error, _STOPPING):
-        raise error
-    return failed_episode(config, error)
+def _run(
+    configs: list[EpisodeConfig],
+    run_episode: RunEpisode,
+    workers: int,
+    limit_s: float | None,
+    tell: Callable[[str], None] | None,
+) -> Generator[EpisodeRecord]:
+    """Records in the order in which they are finished; as many episodes in flight as there are workers."""
+    if limit_s is None and min(workers, len(configs)) <= 1:  # nothing could end an episode of this process
+        yield from _compiled_first(configs, lambda some, _: (attempt(config, run_episode) for config in some), tell)
+        return
+    function = functools.partial(attempt, run_episode=run_episode)
+    with ended_by_signals(), Pool(function, workers, limit_s) as pool:
+
+        def run(some: list[EpisodeConfig], grace_s: float) -> Iterator[EpisodeRecord]:
+            for config, result in pool.run(some, grace_s):
+                yield unfinished(config, result.reason) if isinstance(result, Lost) else result
+
+        yield from _compiled_first(configs, run, tell)
 
 
-@contextmanager
-def _without_port_warning() -> Iterator[None]:
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=r"\s*Port \d+ is already in use", category=UserWarning)
-        yield
-
-
-@contextmanager
-def _client(workers: int) -> Iterator[Client]:
-    """A cluster of processes on this machine, without dashboard and without log lines on the terminal."""
-    import dask
-    from distributed import Client, LocalCluster
-
-    environment = {name: os.environ.get(name, value) for name, value in SINGLE_THREADED.items()}
-    # The status server that nobody looks at takes another port when two sweeps run side by side, and says so.
-    settings = {
-        "logging.distributed": "critical",
-        "distributed.nanny.pre-spawn-environ": environment,
-        "distributed.worker.preload": [_BEGIN_WORKER],
-        "distributed.worker.memory.target": False,  # an episode cannot be spilled or paused half-way
-        "distributed.worker.memory.spill": False,
-        "distributed.worker.memory.pause": False,
-        "distributed.worker.memory.terminate": False,
-    }
-    with (
-        ended_by_signals(),
-        _without_port_warning(),
-        dask.config.set(settings),
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            silence_logs="CRITICAL",
-            memory_limit=0,
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
+def _compiled_first(
+    configs: list[EpisodeConfig],
+    run: Callable[[list[EpisodeConfig], float], Iterator[EpisodeRecord]],
+    tell: Callable[[str], None] | None,
+) -> Iterator[EpisodeRecord]:
+    """The first episode alone where there are kernels to compile, and the others side by side."""
+    if tell is not None and configs and not compiling.is_done(localizer := configs[0].localizer):
+        with compiling.alone(lambda: tell("another process is compiling the vision kernels; waiting for it")):
+            if not compiling.is_done(localizer):
+                kept = "" if kernel_cache.is_kept() else f"; {kernel_cache.ANEW}"
+                tell(f"the first episode compiles the vision kernels, which may take minutes{kept}")
+                begin = time.monotonic()
+                for record in run(configs[:1], compiling.LIMIT_S):
+                    if record.error is None:
+                        compiling.note_done(localizer)
+                        tell(f"the kernels are compiled; the first episode took {time.monotonic() - begin:.0f} s")
+                    yield record
+                configs = configs[1:]
+    yield from run(configs, 0.0)

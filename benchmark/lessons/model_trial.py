@@ -13,16 +13,15 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from benchmark.config import EpisodeConfig, episode_seed
 from benchmark.episodes.episode import EpisodeObserver, run_episode
 from benchmark.episodes.evaluation import Verdict
 from benchmark.episodes.metrics import hull_points, match_limit_mm, pose_errors
+from benchmark.meshes.mesh_file import MeshReference
 from benchmark.records.episode_record import EpisodeRecord
 from benchmark.world.cell import WorkCell
-from benchmark.world.mesh_file import MeshReference
 from benchmark.world.part import Symmetry
 from vision.drawing.strokes import Colour, Image, Strokes, enlarge, model_strokes, paint, plain_strokes
 from vision.errors import InputError
@@ -35,7 +34,6 @@ from vision.model.vision_model import VisionModel
 from vision.pose.estimate import PoseEstimate
 from vision.teaching.editor.services import PieceOutcome, SceneOutcome
 
-Array = NDArray[np.float64]
 Report = Callable[[SceneOutcome], None]
 
 PIECES = 4

@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmark.world.mesh_file import MeshReference
+from benchmark.meshes.mesh_file import MeshReference
 from benchmark.world.part import Part
 from benchmark.world.parts import get_part
+from vision.errors import InputError
 from vision.geometry.camera import View
 from vision.model.vision_model import VisionModel
 from vision.teaching.editor.services import Description, SceneOutcome
@@ -61,18 +62,30 @@ def open_part(name: str, directory: Path | None) -> tuple[Path, LessonServices]:
         InputError: for an unknown part, or a directory that cannot be written.
         ResourceError: when the machine cannot draw.
     """
-    return _prepare(get_part(name), directory or LESSONS / name, name)
+    part = get_part(name)
+    return _prepare(part, directory or LESSONS / part.name, name)
 
 
-def open_mesh(mesh: Path, unit: str, directory: Path | None) -> tuple[Path, LessonServices]:
+def open_mesh(mesh: Path, unit: str | None, directory: Path | None) -> tuple[Path, LessonServices]:
     """The same for any mesh.
+
+    Args:
+        mesh: its file; as where a part's name is expected, ``pulley.stl:mm`` names the unit, too.
+        unit: of its coordinates; metres where nobody says anything.
+        directory: of the lesson.
 
     Raises:
         InputError: no such file, or a solid that cannot be a part.
         FileFormatError: the file is no mesh.
         ResourceError: when the machine cannot draw.
     """
-    reference = MeshReference(mesh.resolve(), unit)
+    named = MeshReference.parse(str(mesh))
+    if named is None:
+        do = "Export it as one of these."
+        raise InputError("mesh", got=mesh, expected="an OBJ, STL or PLY file, with :m or :mm for its unit", do=do)
+    if named.path != mesh and unit not in (None, named.unit):
+        raise InputError("--unit", got=unit, expected=f"{named.unit}, as in {mesh}", do="Leave one of them out.")
+    reference = MeshReference(named.path.resolve(), unit or named.unit)
     part = get_part(str(reference))
     return _prepare(part, directory or LESSONS / part.name, str(reference))
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import entry_points
+from pathlib import Path
 
 from benchmark.localizers.oracle import Oracle, Truth
-from benchmark.localizers.user import REFERENCE, WatchedLocalizer, imported, make_watched
+from benchmark.localizers.user import REFERENCE, WatchedLocalizer, imported, make_watched, source_file
 from vision.errors import InputError
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace
@@ -48,6 +49,15 @@ def make_localizer(
     return make_watched(name, registered[name].load, models, f"what {registered[name].value} names in its package")
 
 
+def user_file(name: str) -> Path | None:
+    """The file of the module that a user's localizer comes from; None where there is none, as for focalpick's own."""
+    if name == "oracle" or name in PRESETS:
+        return None
+    modules = {point.name: point.module for point in entry_points(group=ENTRY_POINTS)}
+    module = name.partition(":")[0] if ":" in name else modules.get(name, "")
+    return source_file(module)
+
+
 def with_answers_alone(
     localizer: Localizer, localization: Localization, views: Sequence[View], workspace: Workspace
 ) -> Localization:
@@ -55,4 +65,4 @@ def with_answers_alone(
     paper = localizer.inner if isinstance(localizer, WatchedLocalizer) else localizer
     if not isinstance(paper, EllipseLocalizer):
         return localization
-    return replace(localization, by_process=paper.alone(views, localization, workspace))
+    return replace(localization, by_extractor=paper.alone(views, localization, workspace))

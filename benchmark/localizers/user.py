@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import inspect
 import operator
 import sys
@@ -61,13 +62,13 @@ class WatchedLocalizer:
     def _checked(self, answer: object, views: int) -> Localization:
         if not isinstance(answer, Localization):
             raise self._refused(_described(answer), "a vision.Localization, Localization(()) where nothing is found")
-        methods = {self.name: answer.estimates, **answer.by_process}
+        methods = {self.name: answer.estimates, **answer.by_extractor}
         for estimate in (estimate for found in methods.values() for estimate in found):
             self._check_estimate(estimate)
         if answer.features and len(answer.features) != views:
             raise self._refused(f"features of {len(answer.features)} views", f"those of {views} views, or none")
-        by_process = {name: tuple(found) for name, found in answer.by_process.items()}
-        return replace(answer, estimates=tuple(answer.estimates), by_process=by_process)
+        by_extractor = {name: tuple(found) for name, found in answer.by_extractor.items()}
+        return replace(answer, estimates=tuple(answer.estimates), by_extractor=by_extractor)
 
     def _check_estimate(self, estimate: object) -> None:
         if not isinstance(estimate, PoseEstimate):
@@ -121,8 +122,7 @@ def imported(reference: str) -> object:
         LocalizerError: there is no such module or name in it.
     """
     module, _, attribute = reference.partition(":")
-    if (here := str(Path.cwd())) not in sys.path:  # an installed command does not look where it is started
-        sys.path.insert(0, here)
+    here = _look_here()
     try:
         return operator.attrgetter(attribute)(importlib.import_module(module))
     except ModuleNotFoundError as error:
@@ -134,6 +134,23 @@ def imported(reference: str) -> object:
         if _users_frames(error):
             raise
         raise LocalizerError("localizer", got=f"{reference} ({error})", expected=REFERENCE) from None
+
+
+def source_file(module: str) -> Path | None:
+    """The file of a module; None where there is no such module, or it has no file."""
+    _look_here()
+    try:
+        spec = importlib.util.find_spec(module)
+    except (ImportError, ValueError):
+        return None
+    return Path(spec.origin) if spec is not None and spec.has_location and spec.origin else None
+
+
+def _look_here() -> str:
+    """Have modules found in the working directory, where an installed command does not look."""
+    if (here := str(Path.cwd())) not in sys.path:
+        sys.path.insert(0, here)
+    return here
 
 
 @contextmanager

@@ -1,7 +1,8 @@
 """What happened in an episode, and the file that keeps it.
 
-A sweep is a directory with ``sweep.json`` (its configuration) and ``episodes.jsonl`` (one line per finished episode,
-appended and synced, so that a killed sweep loses nothing but the episodes that were running).
+A sweep is a directory with ``sweep.json`` (its configuration), ``inputs.json`` (digests of the files that it began
+with) and ``episodes.jsonl`` (one line per finished episode, appended and synced, so that a killed sweep loses nothing
+but the episodes that were running).
 """
 
 from __future__ import annotations
@@ -63,7 +64,28 @@ class NormalizedError:
 
 
 @dataclass(frozen=True)
-class ProcessResult:
+class PoseOffset:
+    """The way from the true pose of a piece to the estimated one; of the poses that look the same, to the nearest.
+
+    Unlike the size of the errors it tells how far the estimates of two sweeps lie apart.
+
+    Attributes:
+        translation_mm: x, y and z in the frame of the true piece.
+        rotation_deg: rotation vector in that frame; without a turn about the axis where the estimate does not know
+            it or the part has none.
+    """
+
+    translation_mm: tuple[float, ...]
+    rotation_deg: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for name, value in asdict(self).items():
+            if len(value) != 3 or not all(map(math.isfinite, value)):
+                raise InputError(f"pose offset {name}", got=value, expected="three finite numbers")
+
+
+@dataclass(frozen=True)
+class LocalizerResult:
     """What one localizer made of one piece.
 
     Attributes:
@@ -72,12 +94,15 @@ class ProcessResult:
         errors: of the pose assigned to the piece, None where there is none.
         normalized: the same against the covariance that came with the pose; None where there is no pose, no usable
             covariance, or the record is older than this field.
+        offset: from the true pose to the one assigned; None where there is none, or the record is older than this
+            field.
     """
 
     extracted: bool
     matched: bool
     errors: PoseErrors | None = None
     normalized: NormalizedError | None = field(default=None, metadata=MAY_BE_MISSING)
+    offset: PoseOffset | None = field(default=None, metadata=MAY_BE_MISSING)
 
     def __post_init__(self) -> None:
         if self.matched and self.errors is None:
@@ -101,7 +126,7 @@ class PieceRecord:
     part: str
     visibility: float
     in_bin: bool
-    results: dict[str, ProcessResult]
+    results: dict[str, LocalizerResult]
     failed_stage: str | None = None
 
     def __post_init__(self) -> None:
@@ -120,6 +145,8 @@ class PickRecord:
         succeeded: the piece ended up where it should.
         failed_stage: such as ``plan``, ``grip``, ``lift``, ``place``; None on success.
         grasp: name of the grasp.
+        rejected: where no grasp was found, how many fell for which reason; empty too in a record that is older than
+            this field.
     """
 
     attempted: bool
@@ -127,6 +154,7 @@ class PickRecord:
     succeeded: bool
     failed_stage: str | None = None
     grasp: str | None = None
+    rejected: dict[str, int] = field(default_factory=dict, metadata=MAY_BE_MISSING)
 
 
 @dataclass(frozen=True)
@@ -139,7 +167,7 @@ class EpisodeRecord:
         scene: ``EpisodeConfig.scene``.
         seed: ``EpisodeConfig.seed``.
         config_hash: ``EpisodeConfig.config_hash``.
-        environment: ``benchmark.records.environment.environment_stamp()``.
+        environment: ``benchmark.records.environment.environment_stamp``; older records have fewer entries.
         pieces: one record for each piece.
         picks: in the order in which they were made.
         false_positives: by localizer, the number of poses that belong to no piece.

@@ -1,4 +1,4 @@
-"""The directory of a sweep: ``sweep.json`` and the append-only ``episodes.jsonl``."""
+"""The directory of a sweep: ``sweep.json``, ``inputs.json`` and the append-only ``episodes.jsonl``."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import fcntl
 import json
 import os
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 from benchmark.config import SweepConfig, as_fields
 from benchmark.records.episode_record import SCHEMA, EpisodeRecord, from_json, parse_object, to_json
@@ -19,6 +19,14 @@ from vision.errors import FileFormatError, InputError, ResourceError
 
 SWEEP_FILE = "sweep.json"
 EPISODES_FILE = "episodes.jsonl"
+INPUTS_FILE = "inputs.json"
+
+
+@dataclass(frozen=True)
+class _Inputs:
+    """What ``inputs.json`` holds."""
+
+    sha256: dict[str, str]
 
 
 class RecordWriter:
@@ -71,9 +79,34 @@ class RecordWriter:
                 differences = _differences(found, config)
                 raise InputError(f"sweep in {directory}", got=differences[0], expected=differences[1], do=do)
         else:
-            _write_config(directory, config)
+            _write_whole(directory / SWEEP_FILE, as_fields(config))
         content = (directory / EPISODES_FILE).read_bytes()
         self._file.truncate(content.rfind(b"\n") + 1)
+
+    def keep_inputs(self, digests: dict[str, str], begun: bool) -> None:
+        """Note the content of the files that the results depend on; hold it to what an earlier run has noted.
+
+        A directory of a version that noted nothing is left as it is.
+
+        Args:
+            digests: SHA-256 of every such file, by a name that a person understands.
+            begun: results are there that came from what was noted.
+
+        Raises:
+            InputError: a file has changed since.
+            FileFormatError: the note is corrupt.
+            ResourceError: no space.
+        """
+        path = self._directory / INPUTS_FILE
+        noted = read_inputs(self._directory) if path.exists() else {}
+        if not begun:
+            self._guard(self._directory, lambda: _write_whole(path, {"sha256": digests}))
+        elif changed := {name: digest for name, digest in noted.items() if digests.get(name) != digest}:
+            got, expected = (
+                ", ".join(f"{name} {_short(known.get(name))}" for name in changed) for known in (digests, changed)
+            )
+            do = "Put the file back, or choose another --out for a new sweep; this one began with it."
+            raise InputError(f"sweep in {self._directory}", got=got, expected=expected, do=do)
 
     def append(self, record: EpisodeRecord) -> None:
         """Write one record; it survives a crash of the process and of the machine.
@@ -127,6 +160,17 @@ def read_config(directory: Path) -> SweepConfig:
     return decode(SweepConfig, parse_object(text, str(path)), str(path))
 
 
+def read_inputs(directory: Path) -> dict[str, str]:
+    """SHA-256 of the files that the results in a directory depend on, by their names.
+
+    Raises:
+        InputError: there is no such note.
+        FileFormatError: corrupt.
+    """
+    path = directory / INPUTS_FILE
+    return decode(_Inputs, parse_object(_read(path), str(path)), str(path)).sha256
+
+
 def read_records(directory: Path) -> list[EpisodeRecord]:
     """The records of a sweep, sorted by key, one per episode; a torn last line is passed over.
 
@@ -172,15 +216,15 @@ def _read(path: Path) -> str:
         raise InputError(str(path), got=error.strerror, expected="a file that can be read", do=do) from None
 
 
-def _write_config(directory: Path, config: SweepConfig) -> None:
-    """Write ``sweep.json`` whole or not at all."""
-    temporary = directory / f".{SWEEP_FILE}.{os.getpid()}"
+def _write_whole(path: Path, fields: dict[str, Any]) -> None:
+    """Write a JSON file whole or not at all."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     with open(temporary, "w", encoding="utf-8") as file:
-        json.dump({"schema": SCHEMA, **as_fields(config)}, file, indent=2)
+        json.dump({"schema": SCHEMA, **fields}, file, indent=2)
         file.write("\n")
         file.flush()
         os.fsync(file.fileno())
-    temporary.replace(directory / SWEEP_FILE)
+    temporary.replace(path)
 
 
 def _differences(found: SweepConfig, wanted: SweepConfig) -> tuple[str, str]:
@@ -189,6 +233,10 @@ def _differences(found: SweepConfig, wanted: SweepConfig) -> tuple[str, str]:
     names = [name for name in a if a[name] != b[name] and name != "workers"]
     texts = [", ".join(f"{name}={_text(fields[name])}" for name in names) for fields in (a, b)]
     return texts[0], texts[1]
+
+
+def _short(digest: str | None) -> str:
+    return "without a file" if digest is None else f"with SHA-256 {digest[:12]}"
 
 
 def _text(value: object) -> str:

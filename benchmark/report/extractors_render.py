@@ -65,13 +65,13 @@ def made_good_grids(rows: Sequence[MadeGood]) -> list[Grid]:
     note = "Dual matched so many of the pieces in the column. In brackets: 95 % Wilson interval of the share."
     return [
         Grid(
-            "Salient ellipse extracted by both processes or by one of them: pieces that dual matched",
+            "Salient ellipse extracted by both extractors or by one of them: pieces that dual matched",
             ("Visible", "Object", "by both", "region growing lost it", "edge grouping lost it"),
             tuple((*label, *map(_of, row.extraction.values())) for label, row in zip(labels, rows, strict=True)),
             sections=last_of_each(levels),
         ),
         Grid(
-            "Pieces that one process alone did not match: those that dual matched",
+            "Pieces that one extractor alone did not match: those that dual matched",
             ("Visible", "Object", "region growing missed", "edge grouping missed", "both missed"),
             tuple((*label, *map(_of, row.matching.values())) for label, row in zip(labels, rows, strict=True)),
             sections=last_of_each(levels),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE
 from benchmark.records.episode_record import EpisodeRecord
 from benchmark.report.published import TITLES
-from benchmark.report.render import METHOD_TITLES, PROCESS_TITLES
+from benchmark.report.render import EXTRACTOR_TITLES, METHOD_TITLES
 from benchmark.report.tables import STAGES, Table, table1_order
 from vision.errors import InputError
 
@@ -119,14 +119,14 @@ def _draw_published(ax: Axes, table: Table, stage: str, centres: NDArray[np.floa
 
 
 def draw_errors(table: Table, records: Sequence[EpisodeRecord]) -> Figure:
-    """Every matched piece's translation and tilt error by part and process; bars mark the median and quartiles."""
+    """Every matched piece's translation and tilt error by part and extractor; bars mark the median and quartiles."""
     order = table1_order(table.parts)
     figure, axes = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained")
     titles = {"translation_mm": "Translation error (mm)", "tilt_deg": "Tilt error (°)"}
     for ax, (quantity, title) in zip(axes, titles.items(), strict=True):
-        for i, (part, process) in enumerate(order):
-            _draw_cloud(ax, i, _matched_errors(records, part, process, quantity), COLOURS[process])
-        labels = [f"{TITLES.get(part, part)}\n{PROCESS_TITLES[process]}" for part, process in order]
+        for i, (part, extractor) in enumerate(order):
+            _draw_cloud(ax, i, _matched_errors(records, part, extractor, quantity), COLOURS[extractor])
+        labels = [f"{TITLES.get(part, part)}\n{EXTRACTOR_TITLES[extractor]}" for part, extractor in order]
         ax.set_xticks(range(len(order)), labels, rotation=30, ha="right", rotation_mode="anchor", fontsize=8)
         ax.set_xlim(-0.6, len(order) - 0.4)
         ax.set_ylim(bottom=0)
@@ -147,11 +147,11 @@ def _draw_cloud(ax: Axes, position: int, values: Sequence[float], colour: str) -
     ax.hlines(median, position - 0.3, position + 0.3, color="#222222", linewidth=2)
 
 
-def _matched_errors(records: Sequence[EpisodeRecord], part: str, process: str, quantity: str) -> list[float]:
+def _matched_errors(records: Sequence[EpisodeRecord], part: str, extractor: str, quantity: str) -> list[float]:
     """Errors of the pieces that Table 1 is made of."""
     pieces = [p for record in records if record.error is None for p in record.pieces]
     counted = [p for p in pieces if p.part == part and p.in_bin and p.visibility >= BARELY_VISIBLE]
-    results = [p.results[process] for p in counted if process in p.results]
+    results = [p.results[extractor] for p in counted if extractor in p.results]
     values = [getattr(r.errors, quantity) for r in results if r.matched and r.errors is not None]
     return [value for value in values if value is not None]
 

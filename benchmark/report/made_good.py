@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from benchmark.records.episode_record import EpisodeRecord, ProcessResult
+from benchmark.records.episode_record import EpisodeRecord, LocalizerResult
 from benchmark.report.rate import Rate
 
-Trio = tuple[ProcessResult, ProcessResult, ProcessResult]
+Trio = tuple[LocalizerResult, LocalizerResult, LocalizerResult]
 
 
 @dataclass(frozen=True)

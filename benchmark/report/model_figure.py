@@ -12,16 +12,15 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
 
 from vision.errors import InputError
-from vision.model.vision_model import CircleFeature, GraspCoordinates, Pattern, VisionModel
+from vision.model.grasp import GraspCoordinates
+from vision.model.vision_model import CircleFeature, Pattern, VisionModel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 ROLE_COLOURS = {"salient": "#1f6f8b", "supporting": "#c98f3c"}
 ORDER = {"supporting": 2.0, "salient": 2.1}

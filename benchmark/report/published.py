@@ -23,7 +23,7 @@ TABLE_1: dict[tuple[str, str], PublishedErrors] = {
     ("cover2", "group"): PublishedErrors(1.9, 0.7, 4.4, 1.8),
     ("cover2", "region"): PublishedErrors(2.2, 1.1, 5.1, 2.2),
 }
-"""By (part, process), in the order of the paper's rows."""
+"""By (part, extractor), in the order of the paper's rows."""
 
 FIGURE_10: dict[tuple[str, str, str], float] = {
     ("hub", "dual", "extraction"): 0.81,

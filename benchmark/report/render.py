@@ -21,7 +21,7 @@ from benchmark.report.grid import (
 from benchmark.report.published import PublishedErrors
 from benchmark.report.tables import STAGES, AccuracyRow, Table
 
-PROCESS_TITLES = {"region": "Region-match", "group": "Group-match"}
+EXTRACTOR_TITLES = {"region": "Region-match", "group": "Group-match"}
 METHOD_TITLES = {"region": "previous (region growing)", "group": "edge grouping alone", "dual": "dual"}
 STAGE_TITLES = {
     "extraction": "Fig. 10 (a)  Feature extraction success",
@@ -68,7 +68,7 @@ def _table1(table: Table) -> Grid:
         title="Table 1  Localization error, mean ± standard deviation over matched pieces",
         columns=(
             "Object",
-            "Process",
+            "Extractor",
             "n",
             "Translation (mm)",
             "published",
@@ -87,7 +87,7 @@ def _table1(table: Table) -> Grid:
 
 def _joint(table: Table) -> list[Grid]:
     """The accuracy of the poses that the localizer stands by, which the paper does not give apart."""
-    methods = [m for m in table.methods if m not in PROCESS_TITLES]
+    methods = [m for m in table.methods if m not in EXTRACTOR_TITLES]
     rows = [table.find_accuracy(part, method, BARELY_VISIBLE) for part in table.parts for method in methods]
     cells = tuple(
         (
@@ -106,7 +106,7 @@ def _joint(table: Table) -> list[Grid]:
     columns = ("Object", "Method", "n", "Translation (mm)", "Rotation (°)", "Tilt (°)", "In-plane (°)")
     return [
         Grid(
-            title="Localization error of the final poses, both processes refined together",
+            title="Localization error of the final poses, both extractors refined together",
             columns=columns,
             rows=cells,
         )
@@ -131,7 +131,7 @@ def _accuracy_cells(row: AccuracyRow, rows: Sequence[AccuracyRow], i: int) -> tu
     first = i == 0 or rows[i - 1].part != row.part
     return (
         part_title(row.part) if first else "",
-        PROCESS_TITLES.get(row.method, row.method),
+        EXTRACTOR_TITLES.get(row.method, row.method),
         str(row.n),
         plus_minus(row.errors["translation_mm"], 2),
         _published(row.published, "translation_mm"),

@@ -8,7 +8,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from benchmark.config import EpisodeConfig
@@ -50,8 +49,6 @@ from vision.model.contour import ModelContour
 from vision.model.vision_model import VisionModel
 from vision.pose.estimate import PoseEstimate
 
-Array = NDArray[np.float64]
-
 APPLICATION = "focalpick"
 TRUTH_COLOUR: Colour = (255, 255, 255)
 FALSE_COLOUR: Colour = (255, 70, 70)
@@ -64,7 +61,7 @@ _FRUSTUM_SHARE = 0.2  # of the distance to the bin
 def record_episode(config: EpisodeConfig, path: Path) -> EpisodeRecord:
     """Run an episode and record it.
 
-    Two recordings of one configuration on one platform hold the same data: neither wall times nor dates are in them.
+    Two recordings of one configuration on one machine hold the same data: neither wall times nor dates are in them.
 
     Args:
         config: what to run.
@@ -146,9 +143,9 @@ class RerunLog(EpisodeObserver):
         """Log ellipses and poses, the errors of these, and the panels of every stage."""
         self._next_stage(f"{len(localization.estimates)} poses estimated")
         for index, features in enumerate(localization.features):
-            for process in ("region", "group"):
-                mine = [feature for feature in features if feature.process == process]
-                self._draw(f"{view_entity(index)}/ellipses/{process}", ellipse_strokes(mine))
+            for extractor in ("region", "group"):
+                mine = [feature for feature in features if feature.extractor == extractor]
+                self._draw(f"{view_entity(index)}/ellipses/{extractor}", ellipse_strokes(mine))
         for index, view in enumerate(self._views):
             self._draw(f"{view_entity(index)}/models", self._superimposed(localization.estimates, view))
             self.draw_stages(index, view, self._extractions[index], localization.estimates, self._localizer.models)

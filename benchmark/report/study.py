@@ -13,7 +13,7 @@ from benchmark.records.episode_record import EpisodeRecord
 from benchmark.report.circle_errors import CircleErrors
 from benchmark.report.published import TABLE_1, PublishedErrors
 from benchmark.report.rate import Rate
-from benchmark.report.tables import METHODS, PROCESSES, Table, build_table
+from benchmark.report.tables import EXTRACTORS, METHODS, Table, build_table
 
 
 @dataclass(frozen=True)
@@ -117,10 +117,10 @@ class Study:
 
     @property
     def calibration_limits(self) -> list[CalibrationLimit]:
-        """For each part of the paper, the run's own localizer and each process; empty for another study."""
+        """For each part of the paper, the run's own localizer and each extractor; empty for another study."""
         if not self.is_calibration:
             return []
-        methods = dict.fromkeys([self.method, *(PROCESSES if self.method == "dual" else ())])
+        methods = dict.fromkeys([self.method, *(EXTRACTORS if self.method == "dual" else ())])
         return [
             _calibration_limit(part, method, published, self.curve(part, method))
             for part in self.parts
@@ -197,7 +197,7 @@ def last_within(x: Sequence[float], y: Sequence[float | None], limit: float) -> 
 
 def _published(part: str, method: str) -> PublishedErrors | None:
     """The row of Table 1 that a method is held to."""
-    if method in PROCESSES:
+    if method in EXTRACTORS:
         return TABLE_1.get((part, method))
     rows = [row for (name, _), row in TABLE_1.items() if name == part]
     return min(rows, key=lambda row: row.translation_mm_mean, default=None)

@@ -18,7 +18,7 @@ from benchmark.report.grid import (
     print_grids,
     rate_text,
 )
-from benchmark.report.render import METHOD_TITLES, PROCESS_TITLES, remarks
+from benchmark.report.render import EXTRACTOR_TITLES, METHOD_TITLES, remarks
 from benchmark.report.study import CalibrationLimit, Crossing, CurvePoint, Study
 
 TextOf = Callable[[Study, str, Variant], str]
@@ -88,7 +88,7 @@ def _limits(limits: list[CalibrationLimit]) -> Grid:
     rows = tuple(
         (
             title if i == 0 or titles[i - 1] != title else "",
-            PROCESS_TITLES.get(limit.method, METHOD_TITLES.get(limit.method, limit.method)),
+            EXTRACTOR_TITLES.get(limit.method, METHOD_TITLES.get(limit.method, limit.method)),
             f"{limit.published.translation_mm_mean:.1f}",
             _crossing(limit.translation),
             f"{limit.published.rotation_deg_mean:.1f}",
@@ -102,7 +102,7 @@ def _limits(limits: list[CalibrationLimit]) -> Grid:
         title="Up to which hand-eye error the mean errors meet the paper's Table 1",
         columns=(
             "Object",
-            "Process",
+            "Extractor",
             "published (mm)",
             "met up to (mm)",
             "published (°)",

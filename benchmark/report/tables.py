@@ -18,7 +18,7 @@ from benchmark.report.margins import Margin, paired_margin
 from benchmark.report.published import FIGURE_10, TABLE_1, PublishedErrors, paper_order
 from benchmark.report.rate import Rate
 
-PROCESSES = ("region", "group")
+EXTRACTORS = ("region", "group")
 METHODS = ("region", "group", "dual")
 COMPARED = ("dual", "region")
 STAGES = ("extraction", "matching")
@@ -150,10 +150,10 @@ class Table:
 
 
 def table1_order(parts: Sequence[str]) -> list[tuple[str, str]]:
-    """(part, process) of the rows of Table 1 in the paper's order; other parts after the paper's."""
+    """(part, extractor) of the rows of Table 1 in the paper's order; other parts after the paper's."""
     published = [key for key in TABLE_1 if key[0] in parts]
     known = {part for part, _ in published}
-    return published + [(part, process) for part in parts if part not in known for process in PROCESSES]
+    return published + [(part, extractor) for part in parts if part not in known for extractor in EXTRACTORS]
 
 
 def build_table(config: SweepConfig, records: Sequence[EpisodeRecord], levels: Sequence[float] = LEVELS) -> Table:

@@ -1,7 +1,7 @@
 """Part files: writing them from the drawings (`focalpick assets build`) and reading them back.
 
-The files are text, in metres, and byte-identical whenever they are built: coordinates are rounded to 0.1 micrometre,
-vertices and faces are sorted.
+The files are text, in metres, and with one set of versions byte-identical whenever they are built: coordinates are
+rounded to 0.1 micrometre, vertices and faces are sorted.
 """
 
 from __future__ import annotations

@@ -16,9 +16,10 @@ from benchmark.world.rendering import CellRenderer, Visibility
 from benchmark.world.scene import CAMERA, CellConfig, build_model
 from benchmark.world.sensor import Appearance, SensorConfig
 from robot.arm import Arm
-from robot.kinematics import HOME_Q, ArmKinematics
+from robot.kinematics import ArmKinematics
 from robot.trajectory import Trajectory, joint_trajectory
 from vision.errors import InputError
+from vision.frozen import read_only
 from vision.geometry.camera import Camera, View
 
 Array = NDArray[np.float64]
@@ -26,8 +27,7 @@ Array = NDArray[np.float64]
 ARM_PREFIX = "arm/"
 GRIPPER_PREFIX = "arm/gripper/"
 # Clear of the bin, of falling pieces and of the light.
-PARK_Q = np.radians([100.0, -110.0, 35.0, 0.0, 75.0, 0.0])
-PARK_Q.flags.writeable = False
+PARK_Q = read_only(np.radians([100.0, -110.0, 35.0, 0.0, 75.0, 0.0]))
 _ARM_REST_RAD_S = 2e-4
 _SETTLE_STEPS = 10
 _SETTLE_ROUNDS = 25
@@ -128,20 +128,6 @@ class WorkCell:
         """Move the empty-handed arm to joint angles q (6,) in rad along a jerk-limited path, and let it settle."""
         with self._without_noslip():
             self.follow(joint_trajectory(self.arm.joint_positions, q, self.arm.limits), on_step)
-
-    def look_from(self, T_world_camera: RigidTransform, on_step: OnStep | None = None) -> None:
-        """Move the arm so that the camera, mounted as drawn, is at this pose (OpenCV axes).
-
-        Raises:
-            UnreachableError: the arm cannot get there.
-        """
-        T_world_flange = T_world_camera * self.T_flange_camera.inv()
-        self.move_joints(self.kinematics.inverse(T_world_flange, self._seed()), on_step)
-
-    def _seed(self) -> Array:
-        """Where to search from: the arm's own angles, or its home over the bin when it is parked aside."""
-        q = self.arm.joint_positions
-        return HOME_Q if np.abs(q - PARK_Q).max() < 0.01 else q
 
     def render(self) -> NDArray[np.uint8]:
         """What the wrist camera sees, uint8 (H, W, 3), before the sensor has its say."""

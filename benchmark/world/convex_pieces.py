@@ -27,7 +27,7 @@ MOST_PIECES = 63
 GOOD_EXCESS = 0.02  # of the solid's volume, that hulls may add before a further cut is worth its pieces
 MOST_CUTS_TRIED = 10  # in either direction
 SLIVER_MM3 = 1e-6
-NEGLIGIBLE = 1e-6  # of the solid's volume: what is left of a sector that a hole takes away
+NEGLIGIBLE = 1e-6  # of the solid's volume: what a hole leaves of a sector, or what a cut gains
 
 
 @dataclass(frozen=True)
@@ -103,13 +103,14 @@ def _whole(solid: Manifold) -> Cell:
 
 def _cells(wedges: list[Manifold], whole: Cell, sectors: int) -> list[Cell]:
     """Rings and layers, made by the cuts that bring the hulls nearest to the solid, one after another."""
-    enough = GOOD_EXCESS * sum(wedge.volume() for wedge in wedges)
+    volume = sum(wedge.volume() for wedge in wedges)
+    enough, least = GOOD_EXCESS * volume, NEGLIGIBLE * volume  # a gain of rounding errors is none
     cells, cuts = [whole], [_best_cut(wedges, whole, sectors)]
     while len(cells) < MOST_PIECES // sectors:
         gains = [0.0 if cut is None else cut.gain for cut in cuts]
         worst = int(np.argmax(gains))
         cut = cuts[worst]
-        if cut is None or cut.gain <= 0 or sum(_excess(wedges, cell, sectors) for cell in cells) < enough:
+        if cut is None or cut.gain <= least or sum(_excess(wedges, cell, sectors) for cell in cells) < enough:
             break
         cells[worst : worst + 1] = cut.halves
         cuts[worst : worst + 1] = [_best_cut(wedges, half, sectors) for half in cut.halves]

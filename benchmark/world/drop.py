@@ -28,12 +28,10 @@ class DropResult:
 
     Attributes:
         settled: every piece in the bin came to rest before the timeout.
-        seconds: simulated time.
         in_bin: for every piece, whether its centre ended up between the bin's walls.
     """
 
     settled: bool
-    seconds: float
     in_bin: tuple[bool, ...]
 
 
@@ -73,7 +71,7 @@ def drop_pieces(
             break
     settled = data.time - resting_since >= REST_TIME_S
     inside = in_bin(data, config, bodies)
-    return DropResult(settled, float(data.time - start), tuple(bool(value) for value in inside))
+    return DropResult(settled, tuple(bool(value) for value in inside))
 
 
 def in_bin(data: mujoco.MjData, config: CellConfig, bodies: list[int]) -> NDArray[np.bool_]:

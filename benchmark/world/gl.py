@@ -11,6 +11,9 @@ from collections.abc import Mapping
 from vision.errors import ResourceError
 
 APT_PACKAGES = ("libegl1", "libegl-mesa0", "libgl1", "libgl1-mesa-dri", "libosmesa6")
+INSTALL = f"run: sudo apt-get install -y {' '.join(APT_PACKAGES)}"
+BACKENDS = ("glfw", "egl", "osmesa")
+"""Those that MuJoCo and dm_control both know."""
 _VARIABLE = "MUJOCO_GL"
 _LEFTOVERS = ("PYOPENGL_PLATFORM", "MUJOCO_EGL_DEVICE_ID")
 _PROBE = """
@@ -25,18 +28,18 @@ mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
 def choose_backend() -> str:
     """Settle ``MUJOCO_GL`` for this process and its children, and return it.
 
-    A value that the user has set is left alone. Otherwise each candidate is tried in a process of its own, because
-    a failing OpenGL library can take the whole process with it; the answer is kept in the environment, so child
-    processes do not probe again. MuJoCo reads the variable when it is imported; where that has already happened its
-    context module is loaded anew.
+    A backend that the user has chosen is left alone. Otherwise each candidate is tried in a process of its own,
+    because a failing OpenGL library can take the whole process with it; the answer is kept in the environment, so
+    child processes do not probe again. MuJoCo reads the variable when it is imported; where that has already
+    happened its context module is loaded anew.
 
     Returns:
-        The name of the backend: ``glfw``, ``egl`` or ``osmesa`` (or what the user asked for).
+        The name of the backend: ``glfw``, ``egl`` or ``osmesa``.
 
     Raises:
-        ResourceError: no candidate can draw; the message names the packages to install.
+        ResourceError: the user has chosen what is no backend, or no candidate can draw; the message has the remedy.
     """
-    if chosen := os.environ.get(_VARIABLE, "").strip().lower():
+    if chosen := _chosen():
         os.environ[_VARIABLE] = chosen  # MuJoCo passes over capitals, not everything that reads the variable does
         return chosen
     for backend in candidates(os.environ):
@@ -47,8 +50,7 @@ def choose_backend() -> str:
             return backend
     _blame_a_leftover()
     raise ResourceError(
-        f"OpenGL: got no working backend of {', '.join(candidates(os.environ))}; expected one to draw with. "
-        f"Run: sudo apt-get install -y {' '.join(APT_PACKAGES)}"
+        f"OpenGL: got no working backend of {', '.join(candidates(os.environ))}; expected one to draw with; {INSTALL}"
     )
 
 
@@ -56,24 +58,41 @@ def require_backend() -> str:
     """The backend of :func:`choose_backend`, tried even where the user has set it.
 
     Raises:
-        ResourceError: it cannot draw; the message has the remedy.
+        ResourceError: there is no such backend, or it cannot draw; the message has the remedy.
     """
-    asked = os.environ.get(_VARIABLE, "")
-    if asked and not works(asked):
-        _blame_a_leftover()
-        raise ResourceError(f"OpenGL: {_VARIABLE}={asked} does not work here; unset it")
+    chosen = _chosen()
+    if chosen and not works(chosen):
+        _blame_a_leftover(chosen)
+        raise ResourceError(
+            f"OpenGL: {_VARIABLE}={chosen} does not work here; unset it to let focalpick choose, or {INSTALL}"
+        )
     return choose_backend()
 
 
-def _blame_a_leftover() -> None:
-    """Name a variable, left over from other software, without which a backend would work.
+def _chosen() -> str:
+    """The backend that the user has chosen, or "".
+
+    Raises:
+        ResourceError: there is no such backend.
+    """
+    asked = os.environ.get(_VARIABLE, "")
+    chosen = asked.strip().lower()
+    if chosen and chosen not in BACKENDS:
+        raise ResourceError(
+            f"OpenGL: {_VARIABLE}: got {asked}; expected {', '.join(BACKENDS)}; unset it to let focalpick choose"
+        )
+    return chosen
+
+
+def _blame_a_leftover(*backends: str) -> None:
+    """Name a variable, left over from other software, without which one of these backends, or any, would work.
 
     Raises:
         ResourceError: there is one.
     """
     for name in (name for name in _LEFTOVERS if name in os.environ):
         without = {key: value for key, value in os.environ.items() if key != name}
-        if any(works(backend, environment=without) for backend in candidates(without)):
+        if any(works(backend, environment=without) for backend in backends or candidates(without)):
             raise ResourceError(f"OpenGL: {name}={os.environ[name]} keeps it from working. Run: unset {name}")
 
 
@@ -97,12 +116,17 @@ def works(backend: str, timeout_s: float = 60.0, environment: Mapping[str, str] 
     return probe.returncode == 0
 
 
-def renderer_name() -> str:
-    """What draws in the current OpenGL context, such as ``llvmpipe (LLVM 15.0.6, 256 bits)``; empty without one."""
+def drawn_by() -> dict[str, str]:
+    """What draws in the current OpenGL context: its vendor, renderer and version, by their names in a record.
+
+    Mesa's software renderer says for how wide vectors it compiles: ``llvmpipe (LLVM 15.0.6, 256 bits)``. Empty texts
+    without a context.
+    """
     from OpenGL import GL  # needs the platform that MuJoCo's context has settled
 
-    name = GL.glGetString(GL.GL_RENDERER)
-    return name.decode() if isinstance(name, bytes) else ""
+    names = {"gl_vendor": GL.GL_VENDOR, "gl_renderer": GL.GL_RENDERER, "gl_version": GL.GL_VERSION}
+    texts = {key: GL.glGetString(name) for key, name in names.items()}
+    return {key: text.decode() if isinstance(text, bytes) else "" for key, text in texts.items()}
 
 
 def main() -> int:

@@ -8,69 +8,30 @@ behind their ends on the fingers grow thicker. Here every grasp says where the f
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.errors import InputError
+from vision.model.grasp import GraspCoordinates, GraspKind
 
 FINGER_WIDTH_MM = 10.0
 TCP_BEHIND_ENDS_MM = 5.0
 FREE_TURNS = 12  # copies of a grasp that may turn freely about z
 SIDE_TURNS = 24  # of one from the side: with fewer, none is upright enough to stay off the floor
 
-Kind = Literal["outside", "inside"]
+Grasps = tuple[GraspCoordinates, ...]
 Vector = Sequence[float] | NDArray[np.float64]
 X = (1.0, 0.0, 0.0)
 FRONT, BACK = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)  # approach directions towards the front and the back of a part
 
 
-@dataclass(frozen=True, eq=False)
-class Grasp:
-    """One way of holding a part, and its equally good rotations about the part's z.
-
-    Attributes:
-        name: for people and records.
-        T_part_tcp: pose of the TCP in the part when the fingers touch.
-        width_m: at contact: between the inner faces of the fingers (outside) or between their outer faces (inside).
-        kind: ``"outside"`` closes on the part, ``"inside"`` opens in it.
-        copies: number of equally spaced rotations about the part's z that are as good.
-    """
-
-    name: str
-    T_part_tcp: RigidTransform
-    width_m: float
-    kind: Kind
-    copies: int = 1
-
-    def __post_init__(self) -> None:
-        if self.kind not in ("outside", "inside") or self.width_m <= 0 or self.copies < 1:
-            raise InputError(
-                f"grasp {self.name!r}",
-                got=(self.kind, self.width_m, self.copies),
-                expected="kind outside or inside, width_m > 0 and copies >= 1",
-            )
-
-    def poses(self) -> RigidTransform:
-        """T_part_tcp of all copies: a stack of `copies` poses, this one first."""
-        return RigidTransform.from_rotation(turns_about_z(self.copies)) * self.T_part_tcp
-
-
-def turns_about_z(count: int) -> Rotation:
-    """Stack of `count` equally spaced rotations about z, the identity first."""
-    angles = np.arange(count) * 2 * np.pi / count
-    return Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0])
-
-
-def grasps_of(name: str) -> tuple[Grasp, ...]:
+def grasps_of(name: str) -> Grasps:
     """All grasps of a part, the preferred ones first."""
     return {"hub": _hub, "cover1": _cover1, "cover2": _cover2}[name]()
 
 
-def _hub() -> tuple[Grasp, ...]:
+def _hub() -> Grasps:
     between_cooling_holes = np.radians(9.0)
     return (
         _grasp("bore_front", (0.0, 0.0, 8.0), FRONT, X, _chord(32.0), "inside", FREE_TURNS),
@@ -79,7 +40,7 @@ def _hub() -> tuple[Grasp, ...]:
     )
 
 
-def _cover1() -> tuple[Grasp, ...]:
+def _cover1() -> Grasps:
     return (
         _grasp("outside_front", (0.0, 0.0, -4.5), FRONT, X, 30.0, "outside", FREE_TURNS),
         _grasp("outside_back", (0.0, 0.0, 3.5), BACK, X, 30.0, "outside", FREE_TURNS),
@@ -89,7 +50,7 @@ def _cover1() -> tuple[Grasp, ...]:
     )
 
 
-def _cover2() -> tuple[Grasp, ...]:
+def _cover2() -> Grasps:
     between_ribs = np.radians(30.0)
     x = (float(np.cos(between_ribs)), float(np.sin(between_ribs)), 0.0)
     return (
@@ -104,9 +65,7 @@ def _cover2() -> tuple[Grasp, ...]:
     )
 
 
-def _radial(
-    name: str, radius: float, z: float, azimuth: float, *, opening: str, gap: float, copies: int
-) -> tuple[Grasp, ...]:
+def _radial(name: str, radius: float, z: float, azimuth: float, *, opening: str, gap: float, copies: int) -> Grasps:
     """Approach towards the axis, with the fingers opening along z or along the tangent; two ways round."""
     outward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     x = np.array([0.0, 0.0, 1.0]) if opening == "axial" else np.array([-outward[1], outward[0], 0.0])
@@ -117,7 +76,7 @@ def _radial(
     )
 
 
-def _wall(name: str, inner: float, outer: float, z: float, *, azimuth: float, copies: int) -> tuple[Grasp, ...]:
+def _wall(name: str, inner: float, outer: float, z: float, *, azimuth: float, copies: int) -> Grasps:
     """One finger inside the open cup and one outside; two ways round."""
     inner_contact = _chord(inner) / 2
     x = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
@@ -134,8 +93,12 @@ def _chord(radius: float) -> float:
     return float(2 * np.sqrt(radius**2 - (FINGER_WIDTH_MM / 2) ** 2))
 
 
-def _grasp(name: str, ends_mm: Vector, approach: Vector, x: Vector, gap: float, kind: Kind, copies: int) -> Grasp:
+def _grasp(
+    name: str, ends_mm: Vector, approach: Vector, x: Vector, gap: float, kind: GraspKind, copies: int
+) -> GraspCoordinates:
     """A grasp whose finger ends are level with a point on the part; the TCP lies a little behind them."""
     rotation = Rotation.from_matrix(np.column_stack([x, np.cross(approach, x), approach]))
     origin_mm = np.asarray(ends_mm) - TCP_BEHIND_ENDS_MM * np.asarray(approach)
-    return Grasp(name, RigidTransform.from_components(origin_mm * 1e-3, rotation), gap * 1e-3, kind, copies)
+    return GraspCoordinates(
+        name, RigidTransform.from_components(origin_mm * 1e-3, rotation), gap * 1e-3, kind, copies
+    )

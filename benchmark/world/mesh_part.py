@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 import shutil
-import tempfile
+import uuid
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,10 +21,13 @@ from manifold3d import Manifold
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmark.world import assets, convex_pieces, mesh_file, mesh_symmetry
-from benchmark.world.mesh_file import MeshReference
-from benchmark.world.part import Bore, Part, Symmetry
+from benchmark.meshes import mesh_file, symmetry
+from benchmark.meshes.mesh_file import MeshReference
+from benchmark.world import assets, convex_pieces
+from benchmark.world.part import Part, Symmetry
 from vision.errors import ResourceError
+from vision.kernel_cache import can_be_written, user_folders
+from vision.model.grasp import BoreCoordinates
 
 Floats = NDArray[np.float64]
 
@@ -36,9 +39,10 @@ _CYLINDER = 1.02  # radius up to which a vertex belongs to a bore, over the bore
 _OFF_AXIS_MM = (0.0013, 0.0007)
 _PROPERTIES = "part.json"
 _VISUAL = "visual.obj"
-_SOURCES = tuple(
-    Path(__file__).with_name(name)
-    for name in ("assets.py", "convex_pieces.py", "mesh_file.py", "mesh_part.py", "mesh_symmetry.py")
+_HERE = Path(__file__).parent
+_SOURCES = (
+    *(_HERE / name for name in ("assets.py", "convex_pieces.py", "mesh_part.py")),
+    *sorted((_HERE.parent / "meshes").glob("*.py")),
 )
 
 
@@ -83,19 +87,48 @@ def part_from_mesh(
 
 
 def cache_directory() -> Path:
-    """Where built parts are kept: ``FOCALPICK_CACHE``, else a folder in the user's cache."""
+    """Where built parts are kept: ``FOCALPICK_CACHE``, else a folder of the user's own.
+
+    Raises:
+        ResourceError: there is none that can be written.
+    """
     if chosen := os.environ.get(CACHE_VARIABLE):
         return Path(chosen)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "focalpick"
+    folders = tuple(user_folders())
+    if (own := next(filter(can_be_written, folders), None)) is None:
+        raise ResourceError(
+            f"cache of parts: got {', '.join(map(str, folders)) or 'no home and no temporary directory'}; "
+            f"expected a directory that can be written. Set {CACHE_VARIABLE} to one."
+        )
+    return own
 
 
 def _built(reference: MeshReference) -> tuple[Path, dict[str, Any]]:
     """The directory of what was built from a mesh, and the properties in it; builds where there is none."""
     mesh_file.check_exists(reference.path)
     directory = cache_directory() / "parts" / _digest(reference)
-    if not (directory / _PROPERTIES).is_file():
-        _build(reference, directory)
-    return directory, json.loads((directory / _PROPERTIES).read_text(encoding="ascii"))
+    try:
+        if not _is_whole(directory):
+            _build(reference, directory)
+        return directory, _read_properties(directory)
+    except OSError as error:
+        raise ResourceError(
+            f"cache of parts in {directory.parent}: got {error.strerror}; expected a directory that can be read "
+            f"and written. Set {CACHE_VARIABLE} to another one."
+        ) from error
+
+
+def _is_whole(directory: Path) -> bool:
+    """Whether everything that belongs to a part is there; whoever tidies up old files may have taken some."""
+    try:
+        count = _read_properties(directory)["collision_pieces"]
+    except (FileNotFoundError, NotADirectoryError, ValueError, LookupError, TypeError):
+        return False
+    return all(path.is_file() for path in (directory / _VISUAL, *(_piece(directory, k) for k in range(count))))
+
+
+def _read_properties(directory: Path) -> dict[str, Any]:
+    return dict(json.loads((directory / _PROPERTIES).read_text(encoding="ascii")))
 
 
 def _digest(reference: MeshReference) -> str:
@@ -106,29 +139,28 @@ def _digest(reference: MeshReference) -> str:
 
 
 def _build(reference: MeshReference, directory: Path) -> None:
-    """Write a directory whole or not at all; of several processes that build the same, one wins."""
+    """Write a directory whole or not at all; of several processes that build the same, one wins.
+
+    Others may share the directory: it is as open as the user's files are, and not as closed as temporary ones.
+    """
     solid = mesh_file.read_solid(reference)
+    directory.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = directory.parent / f".unfinished-{uuid.uuid4().hex}"
+    unfinished.mkdir()
     try:
-        directory.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=directory.parent))
-        try:
-            _write(solid, unfinished)
-            if not directory.exists():
-                unfinished.rename(directory)
-        except OSError:
-            if not (directory / _PROPERTIES).is_file():  # another process was not faster: it is the disk
-                raise
-        finally:
-            shutil.rmtree(unfinished, ignore_errors=True)
-    except OSError as error:
-        raise ResourceError(
-            f"cache of parts in {directory.parent}: got {error.strerror}; expected a directory that can be written. "
-            f"Set {CACHE_VARIABLE} to another one."
-        ) from error
+        _write(solid, unfinished)
+        if not _is_whole(directory):
+            shutil.rmtree(directory, ignore_errors=True)
+            unfinished.rename(directory)
+    except OSError:
+        if not _is_whole(directory):  # another process was not faster: it is the disk
+            raise
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)
 
 
 def _write(solid: Manifold, directory: Path) -> None:
-    fold = mesh_symmetry.symmetry_fold(solid)
+    fold = symmetry.symmetry_fold(solid)
     cut = convex_pieces.convex_pieces(solid, fold)
     vertices, faces = assets.canonical(solid)
     _write_text(directory / _VISUAL, assets.obj_text(vertices, faces, assets.crease_normals(vertices, faces)))
@@ -165,12 +197,12 @@ def _is_closed_at_axis(solid: Manifold) -> bool:
     return len(solid.ray_cast((x, y, bottom - 1.0), (x, y, top + 1.0))) > 0
 
 
-def _bore(measured: list[float] | None) -> Bore | None:
+def _bore(measured: list[float] | None) -> BoreCoordinates | None:
     if measured is None:
         return None
     diameter, front, back = measured
     pose = RigidTransform.from_components([0.0, 0.0, front], Rotation.from_euler("x", np.pi))
-    return Bore(pose, diameter, front - back)
+    return BoreCoordinates(pose, diameter, front - back)
 
 
 def _piece(directory: Path, k: int) -> Path:

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import RigidTransform
 
-from benchmark.world.grasps import Grasp, turns_about_z
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
+from vision.model.grasp import BoreCoordinates, GraspCoordinates
 
 Floats = NDArray[np.float64]
 
@@ -32,30 +32,6 @@ class Symmetry:
     def __post_init__(self) -> None:
         if self.fold is not None and self.fold < 1:
             raise InputError("fold of a symmetry", got=self.fold, expected="at least 1, or None for continuous")
-
-    def transforms(self, n: int = 72) -> RigidTransform:
-        """Stack of the symmetry rotations, the identity first.
-
-        Args:
-            n: number of samples where the symmetry is continuous; has no effect otherwise.
-        """
-        count = n if self.fold is None else self.fold
-        return RigidTransform.from_rotation(turns_about_z(count))
-
-
-@dataclass(frozen=True, eq=False)
-class Bore:
-    """A through bore for peg-in-hole.
-
-    Attributes:
-        T_part_bore: frame at the centre of the entry rim on the front, z along the insertion.
-        diameter_m: of the cylinder.
-        depth_m: from the entry rim to the exit rim, chamfers included.
-    """
-
-    T_part_bore: RigidTransform
-    diameter_m: float
-    depth_m: float
 
 
 @dataclass(frozen=True)
@@ -82,6 +58,7 @@ class Rim:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Part:
     """An industrial part whose salient feature is a 3D circle.
 
@@ -111,16 +88,10 @@ class Part:
     centre_of_mass_m: Floats
     inertia: Floats
     symmetry: Symmetry
-    grasps: tuple[Grasp, ...]
-    bore: Bore | None
+    grasps: tuple[GraspCoordinates, ...]
+    bore: BoreCoordinates | None
     rims: tuple[Rim, ...]
 
     def __post_init__(self) -> None:
         for field in ("centre_of_mass_m", "inertia"):
-            array = np.array(getattr(self, field), dtype=float)
-            array.flags.writeable = False
-            object.__setattr__(self, field, array)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Part, tuple(getattr(self, field) for field in self.__dataclass_fields__))
+            object.__setattr__(self, field, np.array(getattr(self, field), dtype=float))

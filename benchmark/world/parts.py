@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from benchmark.meshes.mesh_file import MeshReference
 from benchmark.world import assets
 from benchmark.world.designs import DESIGNS, Design
 from benchmark.world.grasps import grasps_of
-from benchmark.world.mesh_file import MeshReference
 from benchmark.world.mesh_part import part_from_mesh
-from benchmark.world.part import Bore, Part, Rim, Symmetry
+from benchmark.world.part import Part, Rim, Symmetry
 from vision.errors import FileFormatError, InputError
+from vision.frozen import read_only
+from vision.model.grasp import BoreCoordinates
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +36,7 @@ def get_part(name: str) -> Part:
     if (mesh := MeshReference.parse(name)) is not None:
         return part_from_mesh(mesh.path, mesh.unit)
     if name not in DESIGNS:
-        raise InputError("part", got=repr(name), expected=f"one of {', '.join(PART_NAMES)}, or a mesh file")
+        raise unknown_part(name, got=repr(name))
     design = DESIGNS[name]
     meshes = assets.ASSETS / "meshes"
     try:
@@ -64,16 +67,27 @@ def get_part(name: str) -> Part:
     )
 
 
+def unknown_part(name: str, got: str) -> InputError:
+    """The error that says which parts there are, and what may be wrong with a name."""
+    file, _, unit = name.rpartition(":")
+    if MeshReference.parse(file) is not None:
+        do = f"Write :m or :mm for the unit, not :{unit}."
+    elif Path(name).suffix:
+        do = "Export it as one of these."
+    else:
+        do = "Commas separate parts, and + mixes them."
+    expected = f"one of {', '.join(PART_NAMES)}, or a mesh file (OBJ, STL or PLY)"
+    return InputError("part", got=got, expected=expected, do=do)
+
+
 @cache
 def vertices(part: Part) -> Floats:
     """Vertices (N, 3) of the visual mesh in metres, in the part frame; read-only."""
-    array = assets.read_vertices(part.visual_mesh)
-    array.flags.writeable = False
-    return array
+    return read_only(assets.read_vertices(part.visual_mesh))
 
 
-def _bore(design: Design) -> Bore:
+def _bore(design: Design) -> BoreCoordinates:
     diameter, front, back = design.bore
     down = Rotation.from_euler("x", np.pi)
     pose = RigidTransform.from_components([0.0, 0.0, front * 1e-3], down)
-    return Bore(pose, diameter * 1e-3, (front - back) * 1e-3)
+    return BoreCoordinates(pose, diameter * 1e-3, (front - back) * 1e-3)

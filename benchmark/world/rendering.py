@@ -16,6 +16,7 @@ from benchmark.world import gl
 from benchmark.world.marks import surface_marks
 from benchmark.world.scene import KEY_LIGHT, TEXTURE_PX, VISUAL_GROUP, CellConfig
 from benchmark.world.sensor import Appearance
+from vision.frozen import frozen_arrays
 
 _ALONE_GROUP = 5
 _DAYLIGHT_DIRECTION = (-0.25, -0.6, -0.76)
@@ -23,6 +24,7 @@ _OVERVIEW_TARGET = (0.4, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Visibility:
     """How much of the pieces a picture shows.
 
@@ -33,14 +35,6 @@ class Visibility:
 
     visible_masks: NDArray[np.bool_]
     total_masks: NDArray[np.bool_]
-
-    def __post_init__(self) -> None:
-        for masks in (self.visible_masks, self.total_masks):
-            masks.flags.writeable = False
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the masks stay read-only."""
-        return (Visibility, (self.visible_masks, self.total_masks))
 
     @property
     def visible_px(self) -> NDArray[np.int64]:

@@ -26,8 +26,6 @@ Array = NDArray[np.float64]
 
 SCENES = Path(__file__).resolve().parents[2] / "assets" / "scenes"
 CAMERA = "arm/gripper/wrist_camera"
-FLANGE = "arm/flange"
-TCP = "arm/gripper/tcp"
 KEY_LIGHT = "key"
 VISUAL_GROUP, COLLISION_GROUP = 2, 3
 TEXTURE_PX = 512

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ from vision.teaching.session import build_model
 
 pytestmark = pytest.mark.slow
 
+ROOT = Path(__file__).resolve().parents[2]
 CHAMFERED = ("boss", "bore", "rim", "flange")
 
 
@@ -35,11 +38,11 @@ def test_both_faces_and_the_holes_are_taught(model):
     assert all(f.copies == HOLES for f in model.supporting)
     assert model.symmetry_fold == 5
     assert model.bore.diameter_m == pytest.approx(0.015, abs=1e-5)
-    assert len(model.features) >= 8
 
 
 def test_circles_are_true_to_the_drawing(model):
     rims = {r.name: r for r in RIMS}
+    assert len(model.features) >= 8
     for feature in model.features:
         rim = rims[feature.name]
         assert 1e3 * np.linalg.norm(feature.circle.centre - np.array([rim.offset, 0, rim.z]) * 1e-3) < 0.1
@@ -53,13 +56,15 @@ def test_teaching_again_gives_the_same_model(model):
 
 
 @pytest.mark.sweep
-def test_it_is_found_in_dropped_scenes(model, tmp_path):
+def test_it_is_found_in_dropped_scenes(model, tmp_path, monkeypatch):
     """Of pieces at least half visible 95 %; here in few scenes, of which none may hold more than one miss."""
+    monkeypatch.chdir(ROOT)  # the scenes' seeds follow from the name of the mesh, which shall be the same everywhere
+    mesh = MESH.relative_to(ROOT).as_posix()
     save_model(model_from_json(model_to_json(model)), tmp_path / "belt_pulley.json")
-    sweep = SweepConfig((str(MESH),), scenes=4, task="none", seed=5, models=str(tmp_path))
+    sweep = SweepConfig((mesh,), scenes=4, task="none", seed=5, models=str(tmp_path))
     clear = []
     for scene in range(sweep.scenes):
-        record = run_episode(sweep.episode(str(MESH), scene))
+        record = run_episode(sweep.episode(mesh, scene))
         clear += [p.results["dual"] for p in record.pieces if p.in_bin and p.visibility >= HALF_VISIBLE]
     assert len(clear) >= 10
     matched = [result.errors for result in clear if result.matched]

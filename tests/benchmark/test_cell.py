@@ -30,10 +30,10 @@ def cell() -> Iterator[WorkCell]:
 @pytest.fixture(scope="module")
 def looking(cell: WorkCell) -> Iterator[np.ndarray]:
     """Joint angles from which the camera sees the bin."""
-    (_, q), *_ = reachable_viewpoints(
+    first, *_ = reachable_viewpoints(
         cell.kinematics, cell.T_flange_camera, cell.config.bin_centre_m, cell.config.camera_distance_m, count=2
     )
-    return q
+    return first.q
 
 
 def state(cell: WorkCell) -> bytes:
@@ -116,9 +116,6 @@ def test_arm_arrives_and_leaves_the_pieces_alone(cell: WorkCell, looking: np.nda
     assert np.linalg.norm(off.translation) < 1e-4
     assert off.rotation.magnitude() < np.deg2rad(0.01)
     assert largest_move_m(before, cell.truth(), 0.0325) < 1e-5
-    sideways = RigidTransform.from_translation([0.0, 0.02, 0.0]) * cell.camera_truth()
-    cell.look_from(sideways)
-    assert np.linalg.norm((sideways.inv() * cell.camera_truth()).translation) < 1e-4
 
 
 def test_view_knows_its_pose_up_to_the_calibration_error(cell: WorkCell, looking: np.ndarray) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -66,7 +67,10 @@ def started(text: str, directory: Path) -> Iterator[tuple[subprocess.Popen[str],
     script = directory / "program.py"
     script.write_text(text)
     command = [sys.executable, str(script), str(directory / "out")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+    environment = os.environ | {"PYTHONPATH": str(TESTS.parents[1])}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment
+    ) as process:
         children = []
         try:
             assert process.stdout is not None

@@ -15,15 +15,15 @@ import benchmark.localizers.registry
 from benchmark import cli
 from benchmark.commands.progress import Pace, duration
 from benchmark.config import EpisodeConfig
-from benchmark.doctor import examine
-from benchmark.records.episode_record import EpisodeRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.doctor import check_gl, examine
+from benchmark.records.episode_record import EpisodeRecord, LocalizerResult, PieceRecord, PoseErrors
 from benchmark.records.store import EPISODES_FILE
 
 SMALL = ("--scenes", "1", "--parts", "hub", "--workers", "1")
 
 
 def fake_episode(config: EpisodeConfig) -> EpisodeRecord:
-    result = ProcessResult(True, True, PoseErrors(0.5, 0.4, None, 0.4, 1.0))
+    result = LocalizerResult(True, True, PoseErrors(0.5, 0.4, None, 0.4, 1.0))
     results = {"region": result, "group": result, "dual": result}
     pieces = tuple(PieceRecord(i, config.parts[0], 0.9, True, results) for i in range(config.pieces))
     timings = {"drop": 0.5, "render": 0.25, "total": 2.0}
@@ -162,6 +162,26 @@ def test_missing_gl(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtu
         assert "apt-get install" in fails_with_one_line(capsys, "run")
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["run"],
+        ["sweep", "--scenes", "1", "--out", "{}"],
+        ["teach", "--part", "hub", "--dir", "{}"],
+        ["assets", "teach", "--out", "{}"],
+    ],
+    ids=lambda command: command[0],
+)
+def test_an_unknown_backend_is_one_line_before_anything_runs(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "vulkan")
+    out = tmp_path / "out"
+    message = fails_with_one_line(capsys, *(word.format(out) for word in command))
+    assert "MUJOCO_GL: got vulkan; expected glfw, egl, osmesa" in message
+    assert not out.exists()
+
+
 def test_a_bug_is_one_line_with_the_path_of_its_traceback(
     tmp_path: Path, simulator: types.ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -248,7 +268,7 @@ def test_overview_lists_every_command(capsys: pytest.CaptureFixture[str]) -> Non
 def test_help_works_where_the_simulator_cannot_be_loaded() -> None:
     code = (
         "import sys\n"
-        "for name in ('mujoco', 'dm_control', 'distributed', 'rerun'): sys.modules[name] = None\n"
+        "for name in ('mujoco', 'dm_control', 'rerun'): sys.modules[name] = None\n"
         "from benchmark.cli import main\n"
         "sys.exit(main(['--help']))"
     )
@@ -267,6 +287,17 @@ def test_doctor_finds_what_is_wrong(monkeypatch: pytest.MonkeyPatch, capsys: pyt
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     assert cli.main(["doctor"]) == 1
     assert "problem  OpenGL" in capsys.readouterr().out
+
+
+def test_doctor_reports_an_unknown_backend(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("benchmark.doctor.CHECKS", {"OpenGL": check_gl})
+    monkeypatch.setenv("MUJOCO_GL", "vulkan")
+    assert cli.main(["doctor"]) == 1
+    out = capsys.readouterr().out
+    assert "problem  OpenGL: MUJOCO_GL: got vulkan; expected glfw, egl, osmesa; unset it" in out
+    assert "everything is there" not in out
 
 
 def test_doctor_reports_a_check_that_breaks(monkeypatch: pytest.MonkeyPatch) -> None:

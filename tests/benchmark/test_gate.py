@@ -8,11 +8,11 @@ import pytest
 from benchmark.config import SweepConfig
 from benchmark.records.episode_record import (
     EpisodeRecord,
+    LocalizerResult,
     NormalizedError,
     PickRecord,
     PieceRecord,
     PoseErrors,
-    ProcessResult,
 )
 from benchmark.report.gate import Verdict, check, read_thresholds
 from benchmark.report.tables import build_table
@@ -20,7 +20,7 @@ from vision.errors import FileFormatError, InputError
 
 CONFIG = SweepConfig(parts=("hub",), scenes=1)
 ERRORS = PoseErrors(0.8, 1.0, None, 1.0, 2.0)
-RESULTS = [{"dual": ProcessResult(True, True, ERRORS, NormalizedError(e, 5))} for e in (1.0, 3.0, 5.0, 40.0)]
+RESULTS = [{"dual": LocalizerResult(True, True, ERRORS, NormalizedError(e, 5))} for e in (1.0, 3.0, 5.0, 40.0)]
 EPISODE = CONFIG.episode("hub", 0)
 RECORD = EpisodeRecord(
     key=EPISODE.key,
@@ -72,7 +72,7 @@ def test_an_empty_sample_misses_every_threshold(tmp_path: Path, section: str) ->
 
 
 def test_records_without_covariances_miss_a_coverage(tmp_path: Path) -> None:
-    old = tuple(replace(piece, results={"dual": ProcessResult(True, True, ERRORS)}) for piece in RECORD.pieces)
+    old = tuple(replace(piece, results={"dual": LocalizerResult(True, True, ERRORS)}) for piece in RECORD.pieces)
     verdict = judge(tmp_path, "[dual.hub]\ncoverage_max = 1.0", replace(RECORD, pieces=old))["dual.hub.coverage_max"]
     assert (verdict.passed, verdict.value, verdict.n) == (False, None, 0)
 

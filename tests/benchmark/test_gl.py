@@ -46,12 +46,31 @@ def test_capitals_are_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
     assert gl.os.environ["MUJOCO_GL"] == "egl"
 
 
-def test_a_leftover_variable_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("asked", ["vulkan", "crayons", "disable", "E GL"])
+def test_a_backend_that_there_is_not_is_refused_before_anything_is_tried(
+    asked: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", asked)
+    monkeypatch.setattr(gl, "works", lambda *_, **__: pytest.fail("probed although there is no such backend"))
+    for settle in (gl.choose_backend, gl.require_backend):
+        with pytest.raises(ResourceError, match=f"MUJOCO_GL: got {asked}; expected glfw, egl, osmesa; unset it"):
+            settle()
+
+
+def test_a_chosen_backend_that_does_not_work_is_told_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "glfw")
+    monkeypatch.setattr(gl, "works", lambda *_, **__: False)
+    with pytest.raises(ResourceError, match=r"MUJOCO_GL=glfw does not work here; unset it .* apt-get install"):
+        gl.require_backend()
+
+
+@pytest.mark.parametrize("asked", ["", "egl"])
+def test_a_leftover_variable_is_named(asked: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def works_without_leftover(backend, environment=gl.os.environ):
         return "MUJOCO_EGL_DEVICE_ID" not in environment
 
-    monkeypatch.setenv("MUJOCO_GL", "")
+    monkeypatch.setenv("MUJOCO_GL", asked)
     monkeypatch.setenv("MUJOCO_EGL_DEVICE_ID", "3")
     monkeypatch.setattr(gl, "works", works_without_leftover)
     with pytest.raises(ResourceError, match="unset MUJOCO_EGL_DEVICE_ID"):
-        gl.choose_backend()
+        gl.require_backend()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from benchmark import cli
 from tests.vision.conftest import photograph, plate, pose  # noqa: F401
-from vision.files.views import save_views
+from vision.files.views import load_views, save_views
 from vision.model.model_file import save_model
 
 BOX = ["--workspace", "-0.08", "-0.08", "-0.03", "0.08", "0.08", "0.03"]
@@ -83,6 +84,24 @@ def test_nothing_found_is_no_error(pictures, model, capsys):
     assert json.loads(capsys.readouterr().out) == []
     assert cli.main(command) == 0
     assert "0 found in 3 views" in capsys.readouterr().out
+
+
+def test_poses_that_the_pictures_contradict_are_named(pictures, model, tmp_path, capsys):
+    views = load_views(pictures)
+    command = ["localize", "--views", str(tmp_path), "--model", str(model), "--format", "json"]
+    save_views(tmp_path, [replace(view, T_world_camera=view.T_world_camera.inv()) for view in views])
+    assert cli.main(command) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out) == []
+    assert printed.err.startswith("focalpick: warning: the pictures contradict the camera poses")
+    assert "read as T_camera_world" in printed.err
+    assert printed.err.count("\n") == 1
+
+
+def test_right_poses_are_not_doubted(pictures, model, capsys):
+    assert cli.main(["localize", "--views", str(pictures), "--part", "cover1", *BOX]) == 0
+    assert cli.main(["localize", "--views", str(pictures), "--model", str(model), *BOX]) == 0
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize(

@@ -57,14 +57,14 @@ def offered(monkeypatch, mine):
 
 
 @pytest.mark.parametrize(
-    ("name", "processes"), [("dual", ("region", "group")), ("region", ("region",)), ("group", ("group",))]
+    ("name", "extractors"), [("dual", ("region", "group")), ("region", ("region",)), ("group", ("group",))]
 )
-def test_the_papers_localizers_go_by_their_names(name, processes):
+def test_the_papers_localizers_go_by_their_names(name, extractors):
     models = [load_model("hub"), load_model("cover1")]
     localizer = make_localizer(name, models, no_truth)
     assert isinstance(localizer, EllipseLocalizer)
     assert localizer.name == name
-    assert localizer.processes == processes
+    assert localizer.extractors == extractors
     assert localizer.models == tuple(models)
 
 
@@ -106,7 +106,7 @@ def test_entry_point_is_found_by_name(offered):
 def test_the_papers_system_from_a_users_factory_is_asked_what_each_extractor_alone_says(mine):
     mine.make = EllipseLocalizer
     localizer = make_localizer("mine:make", [load_model("cover1")], no_truth)
-    assert set(with_answers_alone(localizer, Localization(()), [], None).by_process) == {"region", "group"}
+    assert set(with_answers_alone(localizer, Localization(()), [], None).by_extractor) == {"region", "group"}
 
 
 @pytest.mark.parametrize("name", ["mine:number", "os:sep"])

@@ -5,14 +5,14 @@ import itertools
 import pytest
 from scipy.stats import multinomial
 
-from benchmark.records.episode_record import EpisodeRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.records.episode_record import EpisodeRecord, LocalizerResult, PieceRecord, PoseErrors
 from benchmark.report.margins import design_effect, newcombe_interval, paired_margin
 
-HIT, MISS = ProcessResult(True, True, PoseErrors(0.1, 0.1, None, 0.1, 0.1)), ProcessResult(True, False)
+HIT, MISS = LocalizerResult(True, True, PoseErrors(0.1, 0.1, None, 0.1, 0.1)), LocalizerResult(True, False)
 BOTH, DUAL, REGION, NEITHER = (HIT, HIT), (HIT, MISS), (MISS, HIT), (MISS, MISS)
 
 
-def scene(number: int, *outcomes: tuple[ProcessResult, ProcessResult], visibility: float = 0.9) -> EpisodeRecord:
+def scene(number: int, *outcomes: tuple[LocalizerResult, LocalizerResult], visibility: float = 0.9) -> EpisodeRecord:
     pieces = tuple(
         PieceRecord(i, "hub", visibility, True, {"dual": dual, "region": region})
         for i, (dual, region) in enumerate(outcomes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import manifold3d
 import mujoco
@@ -11,13 +12,13 @@ import pytest
 import trimesh
 from manifold3d import CrossSection, Manifold
 
+from benchmark.meshes.mesh_file import MeshReference
+from benchmark.meshes.symmetry import symmetry_fold
 from benchmark.models import load_model
 from benchmark.world import convex_pieces, mesh_part
 from benchmark.world.assets import ASSETS, read_vertices, visual_path
 from benchmark.world.designs import DESIGNS
-from benchmark.world.mesh_file import MeshReference
 from benchmark.world.mesh_part import part_from_mesh
-from benchmark.world.mesh_symmetry import symmetry_fold
 from benchmark.world.parts import get_part, vertices
 from benchmark.world.scene import build_model, cell_config
 from tests.parts import belt_pulley
@@ -182,6 +183,7 @@ def test_a_mesh_that_looks_inwards_is_turned_inside_out(tmp_path, pulley):
 def test_names_of_mesh_files():
     assert MeshReference.parse("a/pulley.obj") == MeshReference.parse("a/pulley.obj:m")
     assert MeshReference.parse("pulley.STL:mm").unit == "mm"
+    assert MeshReference.parse("pulley.stl:MM").unit == "mm"
     assert MeshReference.parse(str(MeshReference.parse("x/y.ply:mm"))) == MeshReference.parse("x/y.ply:mm")
     for name in ("hub", "pulley", "pulley.txt", "pulley.obj:in", ""):
         assert MeshReference.parse(name) is None
@@ -213,6 +215,23 @@ def test_open_surface_is_refused_with_the_number_of_its_edges(tmp_path):
     mesh.export(tmp_path / "open.stl")
     with pytest.raises(InputError, match=r"got 3 edges that do not join two triangles; expected a closed surface"):
         part_from_mesh(tmp_path / "open.stl")
+
+
+def test_a_flawed_mesh_gives_the_part_of_a_flawless_one(tmp_path):
+    """Also its collision pieces, though they are cut where the corners are."""
+    whole = part_from_mesh(saved(tmp_path / "whole.stl", ring(), 1.0), "mm")
+    mesh = trimesh.load_mesh(tmp_path / "whole.stl")
+    corners = mesh.triangles + np.random.default_rng(0).uniform(-1e-6, 1e-6, (len(mesh.faces), 3, 3))
+    first, second = corners[0, :2]
+    corners = np.concatenate([corners, [[first, second, (first + second) / 2]], corners[:9]])
+    corners[20:40] = corners[20:40, ::-1]
+    flawed = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(corners.size // 3).reshape(-1, 3), process=False)
+    flawed.export(tmp_path / "flawed.stl")
+    part = part_from_mesh(tmp_path / "flawed.stl", "mm")
+    assert part.mass_kg == pytest.approx(whole.mass_kg, rel=1e-5)
+    assert np.allclose(part.inertia, whole.inertia, atol=1e-5 * whole.inertia.max())
+    assert part.bore.diameter_m == pytest.approx(whole.bore.diameter_m, rel=1e-5)
+    assert len(part.collision_meshes) == len(whole.collision_meshes)
 
 
 def test_what_is_not_round_is_refused(tmp_path):
@@ -258,6 +277,74 @@ def test_a_cache_that_cannot_be_written_is_named(tmp_path, monkeypatch):
         part_from_mesh(belt_pulley.MESH)
 
 
+def test_what_one_user_has_built_another_can_read(tmp_path, cache):
+    built = part_from_mesh(saved(tmp_path / "shared.stl", ring())).visual_mesh.parent
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
+    assert built.stat().st_mode == (tmp_path / "folder").stat().st_mode
+    assert {path.stat().st_mode for path in built.iterdir()} == {(tmp_path / "file").stat().st_mode}
+
+
+@pytest.mark.parametrize("name", ["piece_00.obj", "visual.obj", "part.json"])
+def test_what_is_gone_from_the_cache_is_built_again(name, tmp_path, cache):
+    path = saved(tmp_path / "tidied.stl", ring())
+    part = part_from_mesh(path)
+    (part.visual_mesh.parent / name).unlink()
+    again = part_from_mesh(path)
+    assert again.visual_mesh.is_file()
+    assert again.collision_meshes == part.collision_meshes
+    assert all(piece.is_file() for piece in again.collision_meshes)
+
+
+def test_a_cache_that_cannot_be_read_is_named(tmp_path, cache, monkeypatch):
+    path = saved(tmp_path / "closed.stl", ring())
+    part_from_mesh(path)
+
+    def closed(self, *_, **__):
+        raise PermissionError(13, "Permission denied", str(self))
+
+    monkeypatch.setattr(Path, "read_text", closed)
+    with pytest.raises(ResourceError, match=r"Permission denied; expected a directory .* Set FOCALPICK_CACHE"):
+        part_from_mesh(path)
+
+
+def test_a_mesh_that_cannot_be_read_is_told(tmp_path, monkeypatch):
+    path = saved(tmp_path / "closed.stl", ring())
+
+    def closed(self, *_, **__):
+        raise PermissionError(13, "Permission denied", str(self))
+
+    monkeypatch.setattr(Path, "open", closed)
+    with pytest.raises(InputError, match=r"closed\.stl \(Permission denied\); expected .* that can be read"):
+        part_from_mesh(path)
+
+
+@pytest.fixture
+def without_home(monkeypatch):
+    """A user without a name, as `docker run --user 2002` makes one."""
+
+    def nobody(cls):
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in (mesh_part.CACHE_VARIABLE, "XDG_CACHE_HOME", "HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", classmethod(nobody))
+    return monkeypatch
+
+
+def test_without_a_home_parts_are_kept_beside_the_temporary_files(tmp_path, without_home):
+    without_home.setattr("tempfile.gettempdir", lambda: str(tmp_path))
+    assert mesh_part.cache_directory().parent == tmp_path
+    part = part_from_mesh(saved(tmp_path / "ring.stl", ring()))
+    assert part.visual_mesh.is_relative_to(tmp_path)
+
+
+def test_without_any_place_the_variable_is_named(tmp_path, without_home):
+    without_home.setattr("tempfile.gettempdir", lambda: "/proc/no/such/place")
+    with pytest.raises(ResourceError, match=r"got /proc/no/such/place/focalpick-.* Set FOCALPICK_CACHE to one"):
+        part_from_mesh(belt_pulley.MESH)
+
+
 @pytest.mark.parametrize("outer", [15.0, 25.0, 60.0, 120.0, 150.0])
 def test_there_is_a_cell_for_every_size(outer, tmp_path):
     path = saved(tmp_path / "ring.stl", ring(outer, outer / 3, outer / 2))
@@ -283,6 +370,14 @@ def test_a_taught_mesh_is_known_by_the_name_of_its_file(tmp_path):
     assert len(model.features) == len(load_model("cover1").features)
     with pytest.raises(InputError, match="Teach the part first"):
         load_model(name)
+
+
+def test_a_mesh_does_not_take_the_model_of_a_part_of_that_name(tmp_path):
+    assert load_model("hub").part == "hub"
+    with pytest.raises(InputError, match="got no --models"):
+        load_model(str(tmp_path / "hub.stl"))
+    with pytest.raises(InputError, match=r"got no file .*hub\.json"):
+        load_model(str(tmp_path / "hub.stl"), str(tmp_path))
 
 
 def test_own_models_come_before_the_shipped_ones(tmp_path):

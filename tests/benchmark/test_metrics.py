@@ -19,6 +19,7 @@ from benchmark.episodes.metrics import (
     mssd_mm,
     normalized_error,
     pose_errors,
+    pose_offset,
     summarise,
     wilson_interval,
 )
@@ -127,6 +128,23 @@ def test_errors_do_not_depend_on_the_world_frame(seed: int) -> None:
     here = pose_errors(estimate, truth, FIVE, disc())
     there = pose_errors(world * estimate, world * truth, FIVE, disc())
     assert vars(here) == pytest.approx(vars(there), abs=1e-4)
+
+
+@given(seed=seeds, turn=st.sampled_from([-144.0, -72.0, 0.0, 72.0]))
+@settings(deadline=None, max_examples=20)
+def test_the_offset_leads_from_the_nearest_true_pose_to_the_estimate(seed: int, turn: float) -> None:
+    truth, error = pose(seed), offset([0.001, -0.002, 0.003], [1.0, -2.0, 3.0])
+    estimate = truth * error * offset([0, 0, 0], [0, 0, turn])
+    found = pose_offset(estimate, truth, FIVE)
+    assert found.translation_mm == pytest.approx((1, -2, 3))
+    assert found.rotation_deg == pytest.approx((1, -2, 3), abs=1e-6)
+
+
+@pytest.mark.parametrize(("symmetry", "known"), [(CONTINUOUS, True), (FIVE, False)])
+def test_the_offset_has_no_turn_where_none_is_known(symmetry: Fold, known: bool) -> None:
+    estimate = pose(7) * offset([0, 0, 0], [3.0, 0, 0]) * offset([0, 0, 0], [0, 0, 40.0])
+    found = pose_offset(estimate, pose(7), symmetry, inplane_known=known)
+    assert found.rotation_deg == pytest.approx((3, 0, 0), abs=1e-5)
 
 
 def test_a_flipped_part_is_not_matched() -> None:

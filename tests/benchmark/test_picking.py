@@ -32,7 +32,7 @@ def look(cell: WorkCell) -> None:
     viewpoints = reachable_viewpoints(
         cell.kinematics, cell.T_flange_camera, config.bin_centre_m, config.camera_distance_m, count=2
     )
-    cell.move_joints(viewpoints[-1][1])
+    cell.move_joints(viewpoints[-1].q)
 
 
 def exactly(cell: WorkCell, *poses: RigidTransform) -> tuple[PoseEstimate, ...]:
@@ -60,12 +60,12 @@ def test_a_piece_travels_from_the_bin_to_the_tray_and_nothing_else_is_touched(ce
     outcome = Picker(cell, lambda: touched.update(robot_contacts(cell))).pick(exactly(cell, *before))
     assert outcome.succeeded
     assert outcome.failed_stage is None
-    assert outcome.body == outcome.estimate  # the oracle's estimates are in the order of the pieces
-    assert touched == {f"piece_{outcome.body}"}
+    # The estimates are in the order of the pieces.
+    assert touched == {f"piece_{outcome.estimate}"}
     assert robot_contacts(cell) == set()
     # Where it lies is asked of the simulator, not of the picker.
     points = vertices(get_part(cell.config.part_names[0]))
-    matrix = cell.truth()[outcome.body].as_matrix()
+    matrix = cell.truth()[outcome.estimate].as_matrix()
     lowest = points @ matrix[2, :3] + matrix[2, 3] - cell.config.tray_centre_m[2]
     assert lowest.min() == pytest.approx(0, abs=1e-3)
     offset = matrix[:2, 3] - cell.config.tray_centre_m[:2]
@@ -90,8 +90,11 @@ def test_no_grasp_is_a_value(cell: WorkCell) -> None:
     look(cell)
     q = cell.arm.joint_positions
     sunk = RigidTransform.from_translation(np.array(cell.config.bin_centre_m) - [0, 0, 0.2])
+    picker = Picker(cell)
     for estimates in ((), exactly(cell, sunk)):
-        assert Picker(cell).pick(estimates) == PickOutcome(None, False, "plan", None)
+        outcome = picker.pick(estimates)
+        assert outcome == PickOutcome(None, False, "plan", None, picker.plan(estimates).rejected)
+        assert bool(outcome.rejected) == bool(estimates)
     np.testing.assert_array_equal(cell.arm.joint_positions, q)
 
 

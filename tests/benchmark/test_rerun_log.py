@@ -9,7 +9,7 @@ import pytest
 
 from benchmark.config import EpisodeConfig
 from benchmark.episodes.evaluation import Verdict
-from benchmark.records.episode_record import EpisodeRecord, PickRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.records.episode_record import EpisodeRecord, LocalizerResult, PickRecord, PieceRecord, PoseErrors
 from benchmark.report.rerun_blueprint import LAYERS, stage_entity, view_entity
 from benchmark.report.rerun_log import errors_text, outcome_text, record_episode, summary
 from vision.drawing.explain import PANELS
@@ -67,12 +67,12 @@ def test_a_file_that_cannot_be_written_is_an_input_error(tmp_path: Path) -> None
 
 
 def test_texts_tell_how_it_went() -> None:
-    good = ProcessResult(True, True, PoseErrors(0.5, 0.25, None, 0.25, 1.0))
-    missed = ProcessResult(True, False)
+    good = LocalizerResult(True, True, PoseErrors(0.5, 0.25, None, 0.25, 1.0))
+    missed = LocalizerResult(True, False)
     pieces = (
         PieceRecord(0, "hub", 0.9, True, {"dual": good}),
         PieceRecord(1, "hub", 0.4, True, {"dual": missed}, "matching"),
-        PieceRecord(2, "hub", 0.0, False, {"dual": ProcessResult(False, False)}, "drop"),
+        PieceRecord(2, "hub", 0.0, False, {"dual": LocalizerResult(False, False)}, "drop"),
     )
     errors = errors_text(Verdict(pieces, {"dual": 2}, (0, None, None)))
     assert "| 0 | hub | 90% | 0.50 mm, 0.25° |" in errors

@@ -12,7 +12,7 @@ from rich.console import Console
 from benchmark.cli import main
 from benchmark.config import EpisodeConfig, SweepConfig, Variant, episodes
 from benchmark.episodes.metrics import Summary
-from benchmark.records.episode_record import EpisodeRecord, PieceRecord, PoseErrors, ProcessResult
+from benchmark.records.episode_record import EpisodeRecord, LocalizerResult, PieceRecord, PoseErrors
 from benchmark.records.store import RecordWriter
 from benchmark.report.circle_errors import CircleErrors
 from benchmark.report.study import Crossing, Study, build_study, last_within, study_to_dict
@@ -28,14 +28,14 @@ TEACHING = SweepConfig(
     task="none",
     variants=tuple(Variant(click_sigma_px=c, taught_views=v) for v in (5, 2) for c in (0, 5)),
 )
-MISS = ProcessResult(True, False)
+MISS = LocalizerResult(True, False)
 
 
-def hit(translation_mm: float, rotation_deg: float) -> ProcessResult:
-    return ProcessResult(True, True, PoseErrors(translation_mm, rotation_deg, None, rotation_deg, translation_mm))
+def hit(translation_mm: float, rotation_deg: float) -> LocalizerResult:
+    return LocalizerResult(True, True, PoseErrors(translation_mm, rotation_deg, None, rotation_deg, translation_mm))
 
 
-def recorded(config: EpisodeConfig, *results: ProcessResult) -> EpisodeRecord:
+def recorded(config: EpisodeConfig, *results: LocalizerResult) -> EpisodeRecord:
     pieces = tuple(
         PieceRecord(i, config.parts[0], 0.9, True, dict.fromkeys(("region", "group", "dual"), r))
         for i, r in enumerate(results)

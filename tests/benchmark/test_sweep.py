@@ -10,7 +10,6 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-import cloudpickle
 import numpy as np
 import pytest
 
@@ -18,17 +17,16 @@ from benchmark.config import EpisodeConfig, SweepConfig, episodes, preset
 from benchmark.episodes.sweep import SweepInterruptedError, run_sweep
 from benchmark.records.episode_record import (
     EpisodeRecord,
+    LocalizerResult,
     PickRecord,
     PieceRecord,
     PoseErrors,
-    ProcessResult,
     strip_timings,
 )
 from benchmark.records.store import EPISODES_FILE, read_records
 from benchmark.report.tables import build_table, to_dict
 from vision.errors import InputError, ResourceError
 
-cloudpickle.register_pickle_by_value(sys.modules[__name__])  # the workers cannot import a test module
 CONFIG = SweepConfig(parts=("hub", "cover1"), scenes=3, seed=5)
 
 
@@ -40,7 +38,7 @@ def fake_episode(config: EpisodeConfig) -> EpisodeRecord:
         for name in ("region", "group", "dual"):
             matched = bool(rng.random() < 0.8)
             errors = PoseErrors(*rng.random(2), None, *rng.random(2)) if matched else None
-            results[name] = ProcessResult(matched or bool(rng.random() < 0.5), matched, errors)
+            results[name] = LocalizerResult(matched or bool(rng.random() < 0.5), matched, errors)
         pieces.append(PieceRecord(index, config.parts[0], float(rng.random()), True, results))
     return EpisodeRecord(
         key=config.key,
@@ -157,7 +155,7 @@ def test_an_episode_that_kills_its_workers_is_recorded_and_the_others_run(tmp_pa
     assert len(records) == 6
     (failed,) = (record for record in records if record.error)
     assert failed.key == "hub/001"
-    assert failed.error.startswith("KilledWorker")
+    assert failed.error == "3 workers were lost with it; the last ended with exit code 1"
 
 
 @pytest.mark.parametrize("workers", [1, 2])

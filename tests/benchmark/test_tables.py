@@ -13,11 +13,11 @@ from benchmark.config import SweepConfig, episodes
 from benchmark.episodes.metrics import wilson_interval
 from benchmark.records.episode_record import (
     EpisodeRecord,
+    LocalizerResult,
     NormalizedError,
     PickRecord,
     PieceRecord,
     PoseErrors,
-    ProcessResult,
 )
 from benchmark.report.figures import save_figures
 from benchmark.report.render import as_markdown, print_table
@@ -25,15 +25,15 @@ from benchmark.report.tables import build_table, to_dict
 from vision.errors import InputError
 
 CONFIG = SweepConfig(parts=("cover2", "hub", "cover1"), scenes=1)
-FOUND, MISSED = ProcessResult(True, False), ProcessResult(False, False)
+FOUND, MISSED = LocalizerResult(True, False), LocalizerResult(False, False)
 
 
-def matched(translation_mm: float, tilt_deg: float = 1.0) -> ProcessResult:
-    return ProcessResult(True, True, PoseErrors(translation_mm, tilt_deg, 0.5, 2 * tilt_deg, translation_mm))
+def matched(translation_mm: float, tilt_deg: float = 1.0) -> LocalizerResult:
+    return LocalizerResult(True, True, PoseErrors(translation_mm, tilt_deg, 0.5, 2 * tilt_deg, translation_mm))
 
 
 def piece(
-    index: int, visibility: float, part: str = "hub", in_bin: bool = True, **results: ProcessResult
+    index: int, visibility: float, part: str = "hub", in_bin: bool = True, **results: LocalizerResult
 ) -> PieceRecord:
     return PieceRecord(
         index, part, visibility, in_bin, results, None if results.get("dual") != MISSED else "extraction"
@@ -130,7 +130,7 @@ def test_what_one_extractor_lost_and_dual_matched_is_counted() -> None:
     assert max(map(len, shown(table).splitlines())) <= 120
 
 
-def believed(squared: float, components: int = 6) -> ProcessResult:
+def believed(squared: float, components: int = 6) -> LocalizerResult:
     return replace(matched(1.0), normalized=NormalizedError(squared, components))
 
 

@@ -66,6 +66,7 @@ def test_patterns_have_the_symmetry_of_the_part(name):
     model = load_model(name)
     angle = 2 * np.pi / model.symmetry_fold
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    assert model.patterns
     for pattern in model.patterns:
         apart = np.linalg.norm((pattern.points @ turn.T)[:, None] - pattern.points, axis=2)
         assert apart.min(axis=1).max() < 3e-6

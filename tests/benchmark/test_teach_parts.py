@@ -11,6 +11,7 @@ import pytest
 from benchmark.models import MODELS, load_model
 from benchmark.study.simulated_person import Operator, record, teach
 from benchmark.world.parts import get_part
+from tests.same_model import assert_same
 from vision.model.model_file import model_to_json
 from vision.teaching.session_file import load_session
 from vision.teaching.view_directory import load_views
@@ -18,9 +19,6 @@ from vision.teaching.view_directory import load_views
 PARTS = ("hub", "cover1", "cover2")
 LIMIT_MM = 0.1
 LIMIT_DEG = 0.2
-
-REL, ABS = 1e-3, 2e-5
-"""Another processor draws a few pixels differently: directions by 1e-4, positions by micrometres (in metres here)."""
 
 pytestmark = pytest.mark.slow
 
@@ -30,25 +28,9 @@ def taught(name):
     return teach(name)
 
 
-def same(shipped, fresh, path=""):
-    """Compare two JSON documents: numbers up to how machines draw, everything else equal."""
-    if isinstance(shipped, dict):
-        assert list(shipped) == list(fresh), path
-        for key in shipped:
-            same(shipped[key], fresh[key], f"{path}.{key}")
-    elif isinstance(shipped, list):
-        assert len(shipped) == len(fresh), path
-        for i, (a, b) in enumerate(zip(shipped, fresh, strict=True)):
-            same(a, b, f"{path}[{i}]")
-    elif isinstance(shipped, float):
-        assert fresh == pytest.approx(shipped, rel=REL, abs=ABS), path
-    else:
-        assert shipped == fresh, path
-
-
 @pytest.mark.parametrize("name", PARTS)
 def test_shipped_model_is_what_teaching_gives(name):
-    same(json.loads(model_to_json(load_model(name))), json.loads(model_to_json(taught(name))), name)
+    assert_same(json.loads(model_to_json(load_model(name))), json.loads(model_to_json(taught(name))), name)
 
 
 @pytest.mark.parametrize("name", PARTS)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from benchmark import cli
 from benchmark.config import EpisodeConfig
-from benchmark.episodes.sweep import failed_episode
+from benchmark.episodes.failures import failed_episode
 from benchmark.localizers.errors import LocalizerError
 from benchmark.localizers.registry import make_localizer
 from benchmark.models import load_model
@@ -124,7 +124,7 @@ def test_an_answer_that_is_none_is_refused(answer, written):
 def test_an_estimate_of_nothing_is_refused(part, pose, message, written):
     localizer = make(written(GOOD.format(answer="self.answer")))
     estimate = PoseEstimate(part, pose, np.eye(6), 1.0, "mine", 0.0, 1, inplane_known=True)
-    for answer in (Localization((estimate,)), Localization((), by_process={"alone": (estimate,)})):
+    for answer in (Localization((estimate,)), Localization((), by_extractor={"alone": (estimate,)})):
         localizer.inner.answer = answer
         with pytest.raises(LocalizerError, match=message):
             localizer.localize([VIEW])

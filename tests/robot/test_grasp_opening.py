@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from robot.grasp_opening import MARGINS_M, copies_in_part, opened_grasps
-from robot.grasps import TaughtGrasp
 from robot.gripper_geometry import GripperGeometry
+from vision.model.grasp import GraspCoordinates
 
 DOWN = Rotation.from_euler("x", np.pi)
 APPROACH_M = 0.05
@@ -20,10 +20,10 @@ def plate(x: float, top: float = 0.0, bottom: float = -0.02) -> np.ndarray:
     return np.column_stack([np.full(len(y), x), y, z])
 
 
-def grasp(width: float, kind: str = "outside", depth: float = 0.01) -> TaughtGrasp:
+def grasp(width: float, kind: str = "outside", depth: float = 0.01) -> GraspCoordinates:
     """Straight down at the origin, the finger ends `depth` below it."""
     pose = RigidTransform.from_components([0, 0, 0.005 - depth], DOWN)
-    return TaughtGrasp("grasp", pose, width, kind)  # type: ignore[arg-type]
+    return GraspCoordinates("grasp", pose, width, kind)  # type: ignore[arg-type]
 
 
 BLOCK = np.concatenate([plate(-0.005), plate(0.005)])
@@ -63,20 +63,20 @@ def test_a_bore_is_entered_narrow(geometry: GripperGeometry) -> None:
     ],
 )
 def test_a_grasp_that_never_clears_the_part_is_left_out(
-    geometry: GripperGeometry, taught: TaughtGrasp, points: np.ndarray
+    geometry: GripperGeometry, taught: GraspCoordinates, points: np.ndarray
 ) -> None:
     assert opened_grasps(geometry, [taught], points, APPROACH_M) == ()
 
 
 def test_only_one_of_the_copies_in_the_way_is_enough(geometry: GripperGeometry) -> None:
     once = grasp(0.010)
-    twice = TaughtGrasp("twice", once.T_part_tcp, once.width_m, "outside", copies=4)
+    twice = GraspCoordinates("twice", once.T_part_tcp, once.width_m, "outside", copies=4)
     assert opened_grasps(geometry, [once], BLOCK, APPROACH_M)
     assert opened_grasps(geometry, [twice], BLOCK, APPROACH_M) == ()
 
 
 def test_copies_come_with_the_gripper_turned_round() -> None:
-    taught = TaughtGrasp("g", RigidTransform.from_components([0.01, 0, 0], DOWN), 0.01, "outside", copies=3)
+    taught = GraspCoordinates("g", RigidTransform.from_components([0.01, 0, 0], DOWN), 0.01, "outside", copies=3)
     poses = copies_in_part(taught)
     assert len(poses) == 6
     np.testing.assert_allclose(poses[0].as_matrix(), taught.T_part_tcp.as_matrix(), atol=1e-12)

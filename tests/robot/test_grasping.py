@@ -8,10 +8,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from robot.grasp_opening import MARGINS_M, opened_grasps
 from robot.grasping import covered_share, plan_grasp
-from robot.grasps import GraspPlan, GraspSettings, OpenedGrasp, Piece, TaughtGrasp
+from robot.grasps import GraspParameters, GraspPlan, OpenedGrasp, Piece
 from robot.gripper_geometry import Boxes, GripperGeometry
 from robot.kinematics import HOME_Q, ArmKinematics
 from vision.errors import InputError
+from vision.model.grasp import GraspCoordinates
 
 DOWN = Rotation.from_euler("x", np.pi)
 FLOOR_Z = 0.10
@@ -32,7 +33,7 @@ COVER = cylinder_points(0.0325, 0.02)
 (*_, OUTSIDE), (*_, INSIDE) = (
     opened_grasps(
         GripperGeometry.from_mjcf(),
-        [TaughtGrasp("any", RigidTransform.from_rotation(DOWN), width, kind, copies=12)],
+        [GraspCoordinates("any", RigidTransform.from_rotation(DOWN), width, kind, copies=12)],
         COVER,
         0.1,
     )
@@ -69,7 +70,7 @@ def test_a_lone_piece_is_taken_straight_down(kinematics: ArmKinematics, geometry
     assert plan is not None
     assert plan.tilt_rad == pytest.approx(0, abs=1e-6)
     assert plan.grasp.open_width_m == pytest.approx(0.065 + 2 * MARGINS_M[-1])
-    assert plan.clearance_m > GraspSettings().min_clearance_m
+    assert plan.clearance_m > GraspParameters().min_clearance_m
     for q, pose in [
         (plan.q_pregrasp, plan.T_world_pregrasp),
         (plan.q_grasp, plan.T_world_tcp),
@@ -79,7 +80,7 @@ def test_a_lone_piece_is_taken_straight_down(kinematics: ArmKinematics, geometry
         np.testing.assert_allclose(reached.as_matrix(), pose.as_matrix(), atol=1e-5)
     np.testing.assert_array_equal(plan.approach.q[-1], plan.lift.q[0])
     rise = plan.T_world_lift.translation - plan.T_world_tcp.translation
-    np.testing.assert_allclose(rise, [0, 0, GraspSettings().lift_m], atol=1e-12)
+    np.testing.assert_allclose(rise, [0, 0, GraspParameters().lift_m], atol=1e-12)
 
 
 def test_inside_grip_enters_narrower_than_the_bore(kinematics: ArmKinematics, geometry: GripperGeometry) -> None:
@@ -118,7 +119,7 @@ def test_reasons(kinematics: ArmKinematics, geometry: GripperGeometry) -> None:
     assert plan_grasp(kinematics, geometry, [upside_down], BIN, HOME_Q).rejected == {"too tilted": 24}
     buried = [cover(0.75, 0, OUTSIDE), cover(0.75, 0, z=FLOOR_Z + 0.062)]
     assert plan_grasp(kinematics, geometry, buried, BIN, HOME_Q).rejected == {"under other pieces": 1}
-    far = plan_grasp(kinematics, geometry, [cover(2.5, 0, OUTSIDE)], Boxes.of(), HOME_Q, GraspSettings(max_tries=2))
+    far = plan_grasp(kinematics, geometry, [cover(2.5, 0, OUTSIDE)], Boxes.of(), HOME_Q, GraspParameters(max_tries=2))
     assert far.plan is None
     assert far.rejected == {"out of reach": 2, "not tried": 22}
     assert plan_grasp(kinematics, geometry, [], BIN, HOME_Q).plan is None
@@ -172,6 +173,6 @@ def test_values_survive_pickling_and_refuse_nonsense() -> None:
     assert piece.grasps[0].grasp.kind == "outside"
     assert not piece.points_part.flags.writeable
     with pytest.raises(InputError, match="outside or inside"):
-        TaughtGrasp("x", RigidTransform.identity(), 0.01, "sideways")  # type: ignore[arg-type]
+        GraspCoordinates("x", RigidTransform.identity(), 0.01, "sideways")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="above zero"):
-        TaughtGrasp("x", RigidTransform.identity(), 0.0, "outside")
+        GraspCoordinates("x", RigidTransform.identity(), 0.0, "outside")

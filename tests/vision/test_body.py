@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vision.model.solid import cover, share_inside
+from vision.model.solid import render_depth, share_inside
 from vision.model.vision_model import SalientCircles
 
 
@@ -14,7 +14,7 @@ def test_a_plate_covers_its_disc_at_its_own_depth_and_nothing_else(plate, photog
     (view,) = photograph([T], views=[1])
     depth = np.full(view.gray.shape, np.inf, np.float32)
     T_camera_part = view.T_world_camera.inv() * T
-    cover(depth, T_camera_part.as_matrix(), view.camera, plate)
+    render_depth(depth, T_camera_part.as_matrix(), view.camera, plate)
     inside, outside = ([0.026, 0.0, 0.0], [0.034, 0.0, 0.0])
     for point, hidden in ((inside, True), (outside, False)):
         u, v = np.round(view.project(T.apply([point]))[0]).astype(int)
@@ -28,15 +28,15 @@ def test_a_nearer_part_is_not_overwritten_and_one_behind_the_camera_covers_nothi
     near, far = pose(0, 0, 12), pose(0, 0, -12)
     once = np.full(view.gray.shape, np.inf, np.float32)
     T_camera_world = np.linalg.inv(view.T_world_camera.as_matrix())
-    cover(once, T_camera_world @ near.as_matrix(), view.camera, plate)
+    render_depth(once, T_camera_world @ near.as_matrix(), view.camera, plate)
     twice = once.copy()
-    cover(twice, T_camera_world @ far.as_matrix(), view.camera, plate)
+    render_depth(twice, T_camera_world @ far.as_matrix(), view.camera, plate)
     assert (twice <= once).all()
     assert np.array_equal(twice[np.isfinite(once)], once[np.isfinite(once)])
     untouched = once.copy()
     behind = view.T_world_camera.as_matrix() @ np.diag([1.0, 1.0, -1.0, 1.0])
     behind[:3, 3] = view.T_world_camera.translation - 0.3 * view.T_world_camera.as_matrix()[:3, 2]
-    cover(untouched, T_camera_world @ behind, view.camera, plate)
+    render_depth(untouched, T_camera_world @ behind, view.camera, plate)
     assert np.array_equal(untouched, once)
 
 

@@ -11,7 +11,7 @@ from vision.geometry.camera import camera_arrays
 from vision.geometry.circle import circle_poses, project_circle
 from vision.geometry.workspace import Workspace
 from vision.matching.candidates import find_candidates, poses_of
-from vision.matching.votes import EllipseTable, predict_circle, votes_of
+from vision.matching.votes import EllipseTable, count_votes, predict_circle
 from vision.model.vision_model import SalientCircles
 
 WORKSPACE = Workspace((-0.06, -0.06, -0.03), (0.06, 0.06, 0.03))
@@ -135,7 +135,7 @@ def test_predictions_are_the_projected_circles_and_undefined_where_turned_away(p
     T = truth.as_matrix()
     T_camera_world, intrinsics = camera_arrays([view])
     row = np.empty(5)
-    for feature, height, side, radius in zip(plate.salient, *SalientCircles.of(plate).arrays, strict=True):
+    for feature, height, side, radius in zip(plate.salient, *SalientCircles.of(plate), strict=True):
         seen = predict_circle(T_camera_world[0] @ T, intrinsics[0], height, side, radius, row)
         assert seen == (feature.circle.normal[2] * T[2, 2] > 0)
         if seen:
@@ -149,8 +149,8 @@ def test_votes_fall_with_the_distance_from_the_truth(plate, truth, photograph):
     features = perfect(plate, [truth], views)
     origin = truth.translation + np.array([0.0, 0.3, 0.6, 1.0, 5.0])[:, None] * [1e-3, 0, 0]
     axis = np.tile(truth.as_matrix()[:3, 2], (5, 1))
-    circles = SalientCircles.of(plate).arrays
-    votes, matches = votes_of(poses_of(origin, axis), camera_arrays(views), circles, EllipseTable.of(features))
+    circles = SalientCircles.of(plate)
+    votes, matches = count_votes(poses_of(origin, axis), camera_arrays(views), circles, EllipseTable.of(features))
     assert (np.diff(votes) < 0).all()
     assert votes[-1] == 0
     assert (matches[-1] == -1).all()

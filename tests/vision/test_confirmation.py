@@ -141,7 +141,7 @@ def test_claimed_edges_no_longer_support(front, photograph, contour, pose, plate
     scene.claim(front.as_matrix(), contour, plate)
     assert evidence_of(scene, front, contour).score < 0.02
     assert evidence_of(scene, other, contour).score > before.score - 0.02
-    assert len(scene.observe(front.as_matrix(), contour, 2.0).view) < 20
+    assert len(scene.observe(front.as_matrix(), contour, 2.0).of_view) < 20
 
 
 def test_a_pose_that_no_edges_support_claims_none(front, photograph, contour, pose, plate):
@@ -154,9 +154,9 @@ def test_a_pose_that_no_edges_support_claims_none(front, photograph, contour, po
 def test_observed_edges_lie_on_the_contour_and_belong_to_their_view(front, photograph, contour):
     views = photograph([front], noise=0)
     seen = edges_of(views).observe(front.as_matrix(), contour, 2.0)
-    assert set(seen.view) == {0, 1, 2}
+    assert set(seen.of_view) == {0, 1, 2}
     for v, view in enumerate(views):
-        mine = seen.view == v
+        mine = seen.of_view == v
         expected = view.project(front.apply(seen.points_part[mine].copy()))
         off = np.einsum("ij,ij->i", seen.pixels[mine] - expected, seen.normals[mine])
         assert mine.sum() > 200

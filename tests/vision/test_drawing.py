@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from vision.drawing.strokes import (
-    PROCESS_COLOURS,
+    EXTRACTOR_COLOURS,
     TICK_PX,
     Strokes,
     contact_sheet,
@@ -40,9 +40,9 @@ def disc() -> np.ndarray:
     return cv2.GaussianBlur(image, (0, 0), 0.7)
 
 
-def feature(process: str) -> EllipseFeature:
+def feature(extractor: str) -> EllipseFeature:
     ellipse = Ellipse.from_geometric(*CENTRE, RADIUS, 20.0, 0.4)
-    return EllipseFeature(ellipse, process, ellipse.sample(20), 1.0, 1.0)
+    return EllipseFeature(ellipse, extractor, ellipse.sample(20), 1.0, 1.0)
 
 
 def distance_from_rim(points: np.ndarray) -> np.ndarray:
@@ -76,7 +76,7 @@ def test_strokes_of_ellipses_are_closed_lie_on_them_and_tell_the_process() -> No
     for line, colour, one in zip(strokes.lines, strokes.colours, features, strict=True):
         assert np.array_equal(line[0], line[-1])
         assert np.abs(one.ellipse.distance(line)).max() < 1e-6
-        assert tuple(colour) == PROCESS_COLOURS[one.process]
+        assert tuple(colour) == EXTRACTOR_COLOURS[one.extractor]
 
 
 def test_nothing_found_gives_no_strokes() -> None:

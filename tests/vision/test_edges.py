@@ -21,7 +21,7 @@ def test_the_outline_of_a_disc_is_one_closed_chain_on_the_outline():
     disc = Ellipse.from_geometric(160.3, 119.6, 80, 55, 0.4)
     edges = detect_edges(drawn(disc))
     assert len(edges) == 1
-    assert edges.closed[0]
+    assert np.hypot(*(edges.points[0] - edges.points[-1])) < 3
     offset = disc.distance(edges.points)
     assert abs(offset.mean()) < 0.03
     assert offset.std() < 0.1
@@ -61,7 +61,6 @@ def test_every_point_is_found_through_the_index():
     numbers = edges.index[rows, columns]
     assert sorted(numbers) == list(range(len(edges.points)))
     assert np.hypot(*(edges.points[numbers] - np.column_stack([columns, rows])).T).max() < 1.1
-    assert (edges.mask > 0).sum() == len(edges.points)
 
 
 def test_constant_and_tiny_images_have_no_edges():

@@ -6,6 +6,7 @@ import asyncio
 import logging
 import multiprocessing
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,9 @@ from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse
 from vision.model.vision_model import Pattern
 from vision.teaching import events as ev
-from vision.teaching.editor.acts import event_of_act
 from vision.teaching.editor.autosave import Autosave
+from vision.teaching.editor.background_extraction import BackgroundExtraction, pose_complaint
+from vision.teaching.editor.browser_events import event_of_act
 from vision.teaching.editor.drawing_state import difference, drawing_state, guide
 from vision.teaching.editor.extractor_choice import how_often_found
 from vision.teaching.editor.findings import Inspector
@@ -68,14 +70,14 @@ def find(inspector, session):
 def test_settled_circle_is_the_one_that_the_model_gets(views, inspector, outline):
     session = marked(views, outline, range(4))
     feature = session.document.feature("f1")
-    assert not find(inspector, session).settled
-    assert inspector.settle([feature])
+    assert not find(inspector, session).refined
+    assert inspector.refine([feature])
     found = find(inspector, session)
     circle = locate(feature.taught(), views, inspector.edges).circle
     assert np.allclose(found.circle.centre, circle.centre, atol=1e-12)
     assert found.circle.radius_m == circle.radius_m
-    assert found.settled
-    assert not inspector.settle([feature])
+    assert found.refined
+    assert not inspector.refine([feature])
     assert found.message == ""
     assert max(e.rms_px for e in found.errors.values()) < 0.5
 
@@ -156,7 +158,7 @@ def test_guide_predicts_the_ellipse_in_the_next_view(views, inspector, outline):
 
 def test_overlay_shows_what_both_extractors_found(views, inspector, outline):
     overlay = make_overlay(views[0].gray, ExtractionThresholds())
-    assert {c["process"] for c in overlay["candidates"]} == {"region", "group"}
+    assert {c["extractor"] for c in overlay["candidates"]} == {"region", "group"}
     assert len(overlay["endpoints"]) == 2 * len(overlay["fragments"])
     assert max(number for group in overlay["groups"] for number in group) < len(overlay["fragments"])
     finding = find(inspector, marked(views, outline, (0, 1)))
@@ -177,7 +179,7 @@ def test_other_thresholds_have_another_tag():
         ({"kind": "move", "view": 2, "index": 1, "x": 1, "y": 3}, ev.MovePoint("f1", 2, 1, 1.0, 3.0)),
         ({"kind": "remove", "view": 0, "index": 4}, ev.RemovePoint("f1", 0, 4)),
         (
-            {"kind": "choose", "view": 0, "process": "group", "ellipse": [1, 2, 5, 4, 0]},
+            {"kind": "choose", "view": 0, "extractor": "group", "ellipse": [1, 2, 5, 4, 0]},
             ev.ChooseCandidate("f1", 0, "group", (1.0, 2.0, 5.0, 4.0, 0.0)),
         ),
     ],
@@ -293,16 +295,19 @@ def work_without_a_report():
 @pytest.mark.slow
 def test_closing_a_worker_ends_it_whatever_it_is_doing():
     async def use() -> None:
+        others = multiprocessing.active_children()
         worker = Worker()
         assert await worker.run(count_to, 1, on_report=print) == 1
-        children = multiprocessing.active_children()
+        children = [child for child in multiprocessing.active_children() if child not in others]
         running = asyncio.create_task(worker.run(work_without_a_report))
         await asyncio.sleep(0.2)
         worker.close()
         with pytest.raises(StoppedError):
             await asyncio.wait_for(running, 60)
         assert children
-        assert not any(child.is_alive() for child in children)
+        for child in children:
+            child.join(60)
+            assert not child.is_alive()
 
     asyncio.run(use())
 
@@ -320,3 +325,35 @@ def test_a_request_that_ended_with_the_program_is_not_told_of_and_faults_are():
     assert not _is_worth_telling(recorded(RuntimeError("No response returned.")))
     assert _is_worth_telling(recorded(RuntimeError("the page has a fault")))
     assert _is_worth_telling(logging.LogRecord("uvicorn.error", logging.INFO, "", 0, "started", (), None))
+
+
+def test_poses_of_a_lesson_are_doubted_where_the_pictures_contradict_them(views):
+    inverted = [replace(view, T_world_camera=view.T_world_camera.inv()) for view in views]
+    for diameter_m in (0.0, 0.060):
+        assert "read as T_camera_world" in pose_complaint(inverted, diameter_m)
+        assert pose_complaint(views, diameter_m) == ""
+
+
+def test_the_doubt_follows_the_overlays(views):
+    far = [
+        RigidTransform.from_components(1e3 * v.T_world_camera.translation, v.T_world_camera.rotation) for v in views
+    ]
+    extraction = BackgroundExtraction(
+        [replace(view, T_world_camera=T) for view, T in zip(views[:2], far[:2], strict=True)]
+    )
+    told = []
+
+    async def open_page():
+        working = asyncio.ensure_future(
+            extraction.keep_up(ExtractionThresholds, lambda: told.append(extraction.pose_complaint), lambda: 0.060)
+        )
+        while len(told) < 3:
+            await asyncio.sleep(0.01)
+        working.cancel()
+
+    try:
+        asyncio.run(asyncio.wait_for(open_page(), 60))
+    finally:
+        extraction.close()
+    assert told[:2] == ["", ""]
+    assert "in millimetres" in told[2]

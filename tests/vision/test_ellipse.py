@@ -22,7 +22,7 @@ ellipses = st.builds(
 @given(ellipses)
 def test_boundary_points_satisfy_eq_3_and_the_conic(ellipse):
     points = ellipse.sample(40)
-    assert np.abs(ellipse.residual(points)).max() < 1e-6 * ellipse.p[4]
+    assert np.abs(focal_residual(ellipse.p, points)).max() < 1e-6 * ellipse.p[4]
     homogeneous = np.column_stack([points, np.ones(40)])
     assert np.abs(np.einsum("ij,jk,ik->i", homogeneous, ellipse.conic, homogeneous)).max() < 1e-6
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from vision.geometry.ellipse import Ellipse
-from vision.grouping.score import concentric_support, in_context
+from vision.grouping.score import DEFAULT_WEIGHTS, concentric_support, in_context
 
 RIM = (100.0, 80.0, 50.0, 30.0, 0.4)
 
@@ -29,6 +29,6 @@ def test_the_turn_of_a_circle_means_nothing():
 
 
 def test_a_concentric_neighbour_raises_the_score_by_its_own():
-    alone, doubtful, sure = (in_context(0.3, neighbour) for neighbour in (0.0, 0.4, 1.0))
+    alone, doubtful, sure = (in_context(0.3, neighbour, DEFAULT_WEIGHTS) for neighbour in (0.0, 0.4, 1.0))
     assert alone == pytest.approx(0.3)
     assert alone < doubtful < sure < 1.0

@@ -105,17 +105,17 @@ def test_the_stages_are_those_from_which_the_localizer_made_its_answer(looked) -
     for view, features in zip(views, found.features, strict=True):
         stages = localizer.extraction(view, WORKSPACE)
         assert [f.ellipse.p.tolist() for f in stages.features] == [f.ellipse.p.tolist() for f in features]
-    assert f"{len(localizer.extraction(views[0], WORKSPACE).of_process('group'))} ellipses" in (
+    assert f"{len(localizer.extraction(views[0], WORKSPACE).of_extractor('group'))} ellipses" in (
         panels_of(looked)["5_groups"].title
     )
 
 
 @pytest.mark.parametrize(
-    ("process", "missing"),
+    ("extractor", "missing"),
     [("region", {"4_fragments", "5_groups", "6_filter"}), ("group", set(PANELS[1:4]))],
 )
-def test_an_extractor_that_was_not_asked_has_no_panels(looked, process: str, missing: set[str]) -> None:
-    one = EllipseLocalizer(looked[1].models, (process,))
+def test_an_extractor_that_was_not_asked_has_no_panels(looked, extractor: str, missing: set[str]) -> None:
+    one = EllipseLocalizer(looked[1].models, (extractor,))
     assert set(PANELS) - set(panels_of(looked, one)) == missing
 
 

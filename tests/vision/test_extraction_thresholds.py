@@ -11,8 +11,8 @@ from vision.errors import InputError
 from vision.extraction import ExtractionThresholds
 from vision.grouping.edge_grouping import GroupingParameters
 from vision.localizer import EllipseLocalizer, common_thresholds, extract_features
-from vision.regions.region_ellipses import BoundaryFit
-from vision.regions.segmentation import RegionGrowing
+from vision.regions.region_ellipses import BoundaryFitParameters
+from vision.regions.segmentation import RegionGrowingParameters
 
 
 @pytest.fixture(scope="module")
@@ -22,13 +22,13 @@ def view(photograph, pose):
 
 def test_defaults_are_the_extractors_own():
     own = ExtractionThresholds()
-    assert own.growing == RegionGrowing()
-    assert own.boundary_fit == BoundaryFit()
+    assert own.growing == RegionGrowingParameters()
+    assert own.boundary_fit == BoundaryFitParameters()
     assert own.grouping == GroupingParameters.for_model()
 
 
 @pytest.mark.parametrize(
-    ("process", "deaf"),
+    ("extractor", "deaf"),
     [
         ("region", {"canny_low": 90.0, "canny_high": 120.0, "homogeneity": 120.0}),
         ("region", {"boundary_error_px": 1e-3}),
@@ -38,9 +38,9 @@ def test_defaults_are_the_extractors_own():
     ],
     ids=str,
 )
-def test_each_threshold_can_silence_its_extractor(process, deaf, view):
-    assert len(extract_features(view, (process,))) >= 3
-    assert len(extract_features(view, (process,), thresholds=ExtractionThresholds(**deaf))) <= 1
+def test_each_threshold_can_silence_its_extractor(extractor, deaf, view):
+    assert len(extract_features(view, (extractor,))) >= 3
+    assert len(extract_features(view, (extractor,), thresholds=ExtractionThresholds(**deaf))) <= 1
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
@@ -58,5 +58,5 @@ def test_a_localizer_takes_the_thresholds_that_its_models_agree_on(plate, view):
     adapted = replace(plate, thresholds=ExtractionThresholds(noise_factor=1000.0, shortest_fragment_px=500.0))
     assert common_thresholds([adapted, adapted]) == adapted.thresholds
     assert common_thresholds([adapted, plate]) == ExtractionThresholds()
-    assert len(EllipseLocalizer([adapted], ("group",)).extract(view)) <= 1
-    assert len(EllipseLocalizer([adapted, plate], ("group",)).extract(view)) >= 3
+    assert len(EllipseLocalizer([adapted], ("group",)).extraction(view).features) <= 1
+    assert len(EllipseLocalizer([adapted, plate], ("group",)).extraction(view).features) >= 3

@@ -32,7 +32,9 @@ def test_a_circle_of_any_size_is_one_fragment_that_turns_all_around(radius):
 
 @pytest.mark.parametrize(("dark", "bright"), [(60.0, 160.0), (160.0, 60.0)])
 def test_the_side_of_the_inside_and_its_grey_level_are_known(dark, bright):
-    for fragment in fragments_of(disc_image(Ellipse.from_geometric(160, 120, 90, 60, 0.3), dark, bright)):
+    found = fragments_of(disc_image(Ellipse.from_geometric(160, 120, 90, 60, 0.3), dark, bright))
+    assert found
+    for fragment in found:
         assert fragment.inside_brighter == (bright > dark)
         assert fragment.grey_inside == pytest.approx(bright, abs=2)
         assert fragment.grey_outside == pytest.approx(dark, abs=2)

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from vision import kernel_cache
+from vision.errors import ResourceError
 from vision.kernel_cache import digest
 
 
@@ -64,3 +65,53 @@ def test_numba_may_be_imported_before():
     base = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
     done = subprocess.run([sys.executable, "-c", code], env=base, capture_output=True, text=True, check=True)
     assert "kernels-" in done.stdout
+
+
+@pytest.fixture
+def nowhere_to_write(monkeypatch):
+    monkeypatch.setattr(kernel_cache, "__file__", "/proc/no/such/package/kernel_cache.py")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "/proc/no/such/folder/kernels-0")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/no/such/cache")
+    monkeypatch.setenv("HOME", "/proc/no/such/home")
+    monkeypatch.setattr(kernel_cache, "sys", SimpleNamespace(modules={}))
+
+    def no_place(*_, **__):
+        raise FileNotFoundError("No usable temporary directory found")
+
+    monkeypatch.setattr(kernel_cache.tempfile, "gettempdir", no_place)
+    monkeypatch.setattr(kernel_cache.tempfile, "mkdtemp", no_place)
+
+
+def test_without_any_place_to_write_only_who_needs_kernels_is_refused(nowhere_to_write):
+    kernel_cache.settle()
+    assert kernel_cache.folder() is None
+    with pytest.raises(ResourceError, match="Set NUMBA_CACHE_DIR to a folder"):
+        kernel_cache.require()
+
+
+def test_a_temporary_folder_is_gone_afterwards(tmp_path):
+    code = (
+        "import os, sys, tempfile; from vision import kernel_cache\n"
+        "kernel_cache._roots = lambda package: iter(())\n"
+        "kernel_cache.settle(); kernel_cache.require()\n"
+        "print(kernel_cache.folder()); print(os.path.isdir(kernel_cache.folder().parent), kernel_cache.is_kept())"
+    )
+    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    folder, there_and_kept = done.stdout.splitlines()
+    assert there_and_kept == "True False"
+    assert Path(folder).parent.parent == tmp_path
+    assert not Path(folder).parent.exists()
+
+
+@pytest.mark.parametrize("value", ["1", "2"])
+def test_a_compiler_that_is_switched_off_is_told_of(value, monkeypatch):
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", value)
+    with pytest.raises(ResourceError, match=f"got NUMBA_DISABLE_JIT={value}.*unset NUMBA_DISABLE_JIT"):
+        kernel_cache.require()
+
+
+@pytest.mark.parametrize("value", ["", "0"])
+def test_a_compiler_that_is_not_switched_off_compiles(value, monkeypatch):
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", value)
+    kernel_cache.require()

@@ -59,18 +59,18 @@ def test_plates_at_any_pose_are_localised(seed, dual, pose, photograph):
     assert angle < 0.1
 
 
-@pytest.mark.parametrize("process", ["region", "group"])
-def test_either_extractor_works_alone_and_uses_its_own_ellipses(process, plate, scene, photograph):
-    localizer = EllipseLocalizer([plate], (process,))
-    assert localizer.name == process
+@pytest.mark.parametrize("extractor", ["region", "group"])
+def test_either_extractor_works_alone_and_uses_its_own_ellipses(extractor, plate, scene, photograph):
+    localizer = EllipseLocalizer([plate], (extractor,))
+    assert localizer.name == extractor
     result = localizer.localize(photograph(scene), WORKSPACE)
-    assert {f.process for view in result.features for f in view} == {process}
-    assert localizer.alone([], result) == {process: result.estimates}
+    assert {f.extractor for view in result.features for f in view} == {extractor}
+    assert localizer.alone([], result) == {extractor: result.estimates}
     assert len(result.estimates) == 2
     for truth in scene:
         best, distance, _ = nearest(result.estimates, truth)
         assert distance < 0.1
-        assert best.process == process
+        assert best.extractor == extractor
 
 
 def test_dual_reports_what_each_extractor_would_have_said_alone(plate, dual, scene, photograph):
@@ -79,8 +79,8 @@ def test_dual_reports_what_each_extractor_would_have_said_alone(plate, dual, sce
     assert dual.name == "dual"
     answers = dual.alone(views, result, WORKSPACE)
     assert set(answers) == {"region", "group"}
-    for process, estimates in answers.items():
-        alone = EllipseLocalizer([plate], (process,)).localize(views, WORKSPACE).estimates
+    for extractor, estimates in answers.items():
+        alone = EllipseLocalizer([plate], (extractor,)).localize(views, WORKSPACE).estimates
         for a, b in zip(alone, estimates, strict=True):
             assert np.array_equal(a.T_world_part.as_matrix(), b.T_world_part.as_matrix())
 
@@ -168,7 +168,7 @@ def test_order_of_the_views_does_not_matter(dual, scene, photograph):
 
 
 @pytest.mark.parametrize(
-    ("choice", "processes"),
+    ("choice", "extractors"),
     [
         ("dual", ("region", "group")),
         ("region", ("region",)),
@@ -177,10 +177,10 @@ def test_order_of_the_views_does_not_matter(dual, scene, photograph):
         (["group", "region"], ("region", "group")),
     ],
 )
-def test_extractors_are_chosen_by_a_preset_or_one_by_one(choice, processes, plate):
+def test_extractors_are_chosen_by_a_preset_or_one_by_one(choice, extractors, plate):
     localizer = EllipseLocalizer([plate], choice)
-    assert localizer.processes == processes
-    assert localizer.name == ("dual" if len(processes) == 2 else processes[0])
+    assert localizer.extractors == extractors
+    assert localizer.name == ("dual" if len(extractors) == 2 else extractors[0])
 
 
 @pytest.mark.parametrize("choice", ["regions", "", "r", (), ("regions",), ("region", "oracle"), [None]], ids=str)

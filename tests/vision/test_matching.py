@@ -10,7 +10,7 @@ from vision.edges.edge_field import EdgeField
 from vision.features import EllipseFeature
 from vision.geometry.circle import project_circle
 from vision.geometry.workspace import Workspace
-from vision.matching.hypotheses import Development
+from vision.matching.hypotheses import HypothesisGenerator
 from vision.matching.matcher import Matcher
 from vision.matching.parameters import MatchingParameters
 from vision.model.contour import ModelContour
@@ -64,7 +64,7 @@ def test_every_plate_is_found_once_and_in_place(joint, plate, scene, photograph)
         assert nearest.views == 3
         assert nearest.score > 0.9
         assert nearest.part == "plate"
-        assert nearest.process == "group"
+        assert nearest.extractor == "group"
 
 
 def test_a_plate_on_its_face_is_found_so_and_its_turn_is_unknown(plate, photograph, pose):
@@ -136,7 +136,9 @@ def test_the_best_come_first_and_none_is_below_the_minimum(plate, scene, photogr
 
 def test_covariance_is_symmetric_positive_and_of_the_size_of_the_error(plate, scene, photograph):
     views = photograph(scene)
-    for estimate in matcher(plate, views).match(perfect(plate, scene, views)):
+    found = matcher(plate, views).match(perfect(plate, scene, views))
+    assert len(found) == len(scene)
+    for estimate in found:
         assert np.allclose(estimate.covariance, estimate.covariance.T, rtol=1e-6, atol=1e-18)
         assert (np.linalg.eigvalsh(estimate.covariance) > 0).all()
         assert 1e-7 < np.sqrt(np.trace(estimate.covariance[:3, :3])) < 1e-4
@@ -158,10 +160,10 @@ def test_a_pose_that_fits_one_view_at_a_wrong_depth_is_moved_to_where_the_others
     views = photograph([truth])
     of_plate = matcher(plate, views)
     contour = ModelContour.of(plate, views[0].camera.fx / 0.5)
-    development = Development(of_plate.scene, of_plate.circles, contour, of_plate.parameters)
+    generator = HypothesisGenerator(of_plate.scene, of_plate.circles, contour, of_plate.parameters)
     wrong = truth.as_matrix()
     wrong[:3, 3] += share * (wrong[:3, 3] - views[0].T_world_camera.translation)
-    moved = RigidTransform.from_matrix(development.supported_by_others(wrong, 0, inplane=True))
+    moved = RigidTransform.from_matrix(generator.supported_by_others(wrong, 0, inplane=True))
     distance, angle = errors(moved, truth, 3)
     assert distance < 0.1
     assert angle < 0.3

@@ -10,13 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from vision.edges.edge_field import EdgeField
+from vision.edges.edge_field import EdgeField, StackedEdges
 from vision.geometry.camera import camera_arrays
 from vision.geometry.circle import Circle, project_circle
 from vision.matching.edge_support import tally_support
 from vision.model.contour import PATTERN_SAMPLES, SAMPLE_SPACING_PX, ModelContour
+from vision.model.grasp import turns_about_z
 from vision.model.projection import hides
-from vision.model.vision_model import CircleFeature, Pattern, VisionModel, turns_about_axis
+from vision.model.vision_model import CircleFeature, Pattern, VisionModel
 
 SCALE = 4200.0
 SLOT_ANGLES = 0.4 + np.arange(3) * 2 * np.pi / 3
@@ -81,6 +82,8 @@ def test_one_pass_tallies_what_projection_and_support_do(contour, photograph, po
     rng = np.random.default_rng(10_001)
     claimed = rng.random(field.distance.shape) < 0.2
     distance = np.where(claimed, np.float32(np.inf), field.distance)
+    open_ = np.full_like(field.distance, np.inf)
+    edges = StackedEdges(*(a[None] for a in (distance, field.direction, field.nearest, claimed, open_)))
     camera = view.camera
     supported = 0
     for trial in range(40):
@@ -95,7 +98,7 @@ def test_one_pass_tallies_what_projection_and_support_do(contour, photograph, po
             T[None],
             camera_arrays([view]),
             contour.samples,
-            (distance[None], field.direction[None], np.full_like(field.distance, np.inf)[None]),
+            edges,
             3.0,
             total,
             count,
@@ -165,7 +168,7 @@ def test_a_pattern_is_sampled_alike_in_every_sector(slotted):
     assert numbers.tolist() == [8, 9, 10]
     assert contour.circle_copies[numbers].tolist() == [3, 0, 0]
     of_file = slotted.patterns[0]
-    for turn, number in zip(turns_about_axis(3), numbers, strict=True):
+    for turn, number in zip(turns_about_z(3).as_matrix(), numbers, strict=True):
         mine = contour.circle == number
         assert 0.5 * PATTERN_SAMPLES < mine.sum() <= PATTERN_SAMPLES
         assert np.allclose(contour.points[mine], contour.points[contour.circle == 8] @ turn.T)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import vision
 from vision.drawing.explain import explain
 from vision.edges.edge_map import as_gray, detect_edges
 from vision.errors import InputError
@@ -58,14 +60,46 @@ def test_edges_and_groups_of_any_array(image):
 @settings(max_examples=60)
 @given(images())
 def test_regions_of_any_array(image):
-    if image.dtype == np.uint8 and image.ndim == 2 and image.size:
+    if is_gray(image):
         segmentation = segment(image)
-        assert segmentation.labels.shape == image.shape
-        assert sum(region.attributes.area_px for region in segmentation.regions) <= image.size
-        region_ellipses(segmentation, image)
+        assert segmentation.labels.shape == image.shape[:2]
+        assert sum(region.attributes.area_px for region in segmentation.regions) <= segmentation.labels.size
+        region_ellipses(segmentation)
         return
     with pytest.raises(InputError, match="image"):
         segment(image)
+
+
+def numbers(result):
+    """What an extractor found, as one array."""
+    found = getattr(result, "features", result)
+    return np.array([f.ellipse.p if hasattr(f, "ellipse") else f for f in found])
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        lambda picture: vision.region_ellipses(vision.segment(picture)),
+        vision.group_edges,
+        vision.group_ellipses,
+        vision.find_ellipses,
+        vision.detect_ellipses,
+        lambda picture: vision.detect_edges(picture).points,
+        lambda picture: vision.extract_features(
+            vision.View(picture, Camera(160, 120, 300.0, 300.0, 80.0, 60.0), np.eye(4)), "dual"
+        ),
+    ],
+    ids=["segment", "group_edges", "group_ellipses", "find_ellipses", "detect_ellipses", "detect_edges", "View"],
+)
+def test_every_entry_takes_the_same_pictures(entry):
+    rgb = np.full((120, 160, 3), (40, 90, 60), np.uint8)
+    cv2.ellipse(rgb, (80, 60), (50, 35), 20, 0, 360, (150, 190, 230), -1, cv2.LINE_AA)
+    gray = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.uint8)
+    of_gray = numbers(entry(gray))
+    assert len(of_gray) > 0
+    for picture in (rgb, gray[:, ::-1][:, ::-1], rgb[::-1][::-1]):
+        assert np.array_equal(numbers(entry(picture)), of_gray)
+    assert gray.flags.writeable, "the caller's array is the caller's"
 
 
 @settings(max_examples=30)

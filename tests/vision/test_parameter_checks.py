@@ -14,15 +14,24 @@ from vision.extraction import ExtractionThresholds
 from vision.grouping.edge_grouping import GroupingParameters
 from vision.grouping.fragments import FragmentParameters
 from vision.grouping.kalman_filter import FilterParameters
-from vision.matching.parameters import MatchingParameters
-from vision.regions.quadtree import SplitAndMerge
-from vision.regions.region_ellipses import BoundaryFit
-from vision.regions.segmentation import RegionGrowing
+from vision.grouping.score import DEFAULT_WEIGHTS, ScoreWeights
+from vision.matching.parameters import ConfirmationParameters, MatchingParameters
+from vision.pose.edge_errors import EdgeErrors
+from vision.regions.quadtree import SplitAndMergeParameters
+from vision.regions.region_ellipses import BoundaryFitParameters
+from vision.regions.segmentation import RegionGrowingParameters
 from vision.settings import POSITIVE, SHARE, Allowed, check, count
 
 SETTINGS = (
-    *(EdgeParameters, FragmentParameters, FilterParameters, GroupingParameters, SplitAndMerge, RegionGrowing),
-    *(BoundaryFit, MatchingParameters, ExtractionThresholds),
+    *(
+        EdgeParameters,
+        FragmentParameters,
+        FilterParameters,
+        GroupingParameters,
+        SplitAndMergeParameters,
+        RegionGrowingParameters,
+    ),
+    *(BoundaryFitParameters, MatchingParameters, ConfirmationParameters, EdgeErrors, ExtractionThresholds),
 )
 
 
@@ -32,7 +41,7 @@ def numbers():
     for settings in SETTINGS:
         for field in fields(settings):
             value = getattr(settings(), field.name)
-            if not is_dataclass(value) and value is not None and not isinstance(value, bool):
+            if not is_dataclass(value) and value is not None and not isinstance(value, bool | ScoreWeights):
                 found.append(pytest.param(settings, field.name, value, id=f"{settings.__name__}.{field.name}"))
     return found
 
@@ -71,6 +80,9 @@ def test_a_setting_may_be_a_number_of_numpy(settings, name, default):
         (GroupingParameters, {"size_px": (5.0,)}),
         (GroupingParameters, {"size_px": (5.0, math.nan)}),
         (GroupingParameters, {"max_attempts": 10.5}),
+        (GroupingParameters, {"weights": DEFAULT_WEIGHTS._replace(error=math.nan)}),
+        (GroupingParameters, {"weights": DEFAULT_WEIGHTS._replace(chain=-1.0)}),
+        (GroupingParameters, {"weights": tuple(DEFAULT_WEIGHTS)}),
         (FilterParameters, {"iterations": 0}),
         (MatchingParameters, {"candidates": 0}),
         (MatchingParameters, {"minimum_scores": ()}),
@@ -78,11 +90,14 @@ def test_a_setting_may_be_a_number_of_numpy(settings, name, default):
         (MatchingParameters, {"reach_px": [2.5]}),
         (EdgeParameters, {"smoothing_px": (1.0,)}),
         (MatchingParameters, {"loose_reach_px": 1.0}),
+        (ConfirmationParameters, {"reach_px": 1.0}),
+        (ConfirmationParameters, {"least_shown": 0.0}),
+        (ConfirmationParameters, {"most_peaks": 0}),
         (MatchingParameters, {"depth_shares": (0.0, -1.0)}),
         (MatchingParameters, {"doubtful_scores": (0.6, 0.2)}),
         (MatchingParameters, {"doubtful_scores": (0.2, 0.4, 0.6)}),
-        (RegionGrowing, {"gap_px": 1.5}),
-        (BoundaryFit, {"min_axis_ratio": 1.5}),
+        (RegionGrowingParameters, {"gap_px": 1.5}),
+        (BoundaryFitParameters, {"min_axis_ratio": 1.5}),
     ],
     ids=str,
 )

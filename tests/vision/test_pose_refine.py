@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from vision.pose.edge_errors import USUAL
 from vision.pose.observations import Observations
-from vision.pose.refinement import SHIFT_SIGMA_PX, SWELL_SIGMA_PX, refine_pose
+from vision.pose.refinement import refine_pose
 
 SIGMA_PX = 0.3
 
@@ -79,9 +78,9 @@ def errors_of_edges(rng, sigma_px):
         total = rng.normal(scale=sigma_px, size=len(view))
         for v in np.unique(view):
             mine = view == v
-            total[mine] += normals[mine] @ rng.normal(scale=SHIFT_SIGMA_PX, size=2)
+            total[mine] += normals[mine] @ rng.normal(scale=USUAL.shift_px, size=2)
             for c in np.unique(circle[mine]):
-                total[mine & (circle == c)] += rng.normal(scale=SWELL_SIGMA_PX)
+                total[mine & (circle == c)] += rng.normal(scale=USUAL.swell_px)
         return total
 
     return draw
@@ -143,7 +142,7 @@ def test_rotation_about_the_axis_is_held_when_asked(contour, truth, photograph):
 def test_too_few_points_are_no_refinement(contour, truth, photograph):
     views = photograph([])
     seen = observer(contour, truth, views)(None, 0)
-    few = Observations(*(getattr(seen, field.name)[:11] for field in fields(Observations)))
+    few = Observations(*(values[:11] for values in seen))
     assert refine_pose(truth.as_matrix(), lambda *_: few, views, iterations=3, inplane=True) is None
 
 

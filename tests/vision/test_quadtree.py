@@ -8,9 +8,9 @@ from hypothesis.extra import numpy as hnp
 from vision.errors import InputError
 from vision.regions.edge_gaps import link_edges
 from vision.regions.merging import BOUNDARY, merge
-from vision.regions.quadtree import SplitAndMerge, split
+from vision.regions.quadtree import SplitAndMergeParameters, split
 
-SETTINGS = SplitAndMerge()
+SETTINGS = SplitAndMergeParameters()
 
 
 def no_edges(gray):
@@ -169,9 +169,9 @@ def test_linking_only_adds_edges(edges):
 
 def test_bad_settings_and_maps_are_refused():
     with pytest.raises(InputError, match="power of two"):
-        SplitAndMerge(root_size_px=48)
+        SplitAndMergeParameters(root_size_px=48)
     with pytest.raises(InputError, match="max_deviation"):
-        SplitAndMerge(max_deviation=float("nan"))
+        SplitAndMergeParameters(max_deviation=float("nan"))
     with pytest.raises(InputError, match="edge map"):
         link_edges(np.zeros(5, bool))
     with pytest.raises(InputError, match="gap_px"):

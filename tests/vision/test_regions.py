@@ -12,11 +12,11 @@ from scipy.stats import chi2
 from vision.errors import InputError
 from vision.geometry.ellipse import Ellipse
 from vision.geometry.ellipse_fit import fit_ellipse
+from vision.regions.boundary_ellipses import covered
 from vision.regions.region_ellipses import (
     AttributeConstraints,
-    BoundaryFit,
-    RegionGrowing,
-    circumference_covered,
+    BoundaryFitParameters,
+    RegionGrowingParameters,
     region_ellipses,
     segment,
 )
@@ -125,12 +125,12 @@ def test_constraints_must_be_ranges():
 )
 def test_a_clean_ellipse_is_found_to_a_twentieth_of_a_pixel(shape):
     gray = draw([shape])
-    features = region_ellipses(segment(gray), gray)
+    features = region_ellipses(segment(gray))
     assert len(features) == 1
     error = features[0].ellipse.geometric[:4] - shape[:4]
     assert np.abs(error[:2]).max() < 0.05
     assert np.abs(error[2:]).max() < 0.1
-    assert features[0].process == "region"
+    assert features[0].extractor == "region"
     assert features[0].support > 0.95
 
 
@@ -138,7 +138,7 @@ def test_both_rims_of_a_ring_are_found_even_where_only_the_ring_is_left():
     gray = draw([OVAL, HOLE], noise=2)
     segmentation = segment(gray)
     for constraints in (None, AttributeConstraints(grey_mean=(150, 255))):
-        features = region_ellipses(segmentation, gray, constraints)
+        features = region_ellipses(segmentation, constraints)
         assert len(features) == 2
         for shape in (OVAL, HOLE):
             assert np.abs(nearest(features, shape).ellipse.geometric[:4] - shape[:4]).max() < 0.15
@@ -146,14 +146,14 @@ def test_both_rims_of_a_ring_are_found_even_where_only_the_ring_is_left():
 
 def test_a_shared_rim_carries_the_attributes_of_the_region_inside():
     gray = draw([OVAL])
-    (feature,) = region_ellipses(segment(gray), gray)
+    (feature,) = region_ellipses(segment(gray))
     assert feature.attributes.grey_mean == pytest.approx(180, abs=2)
 
 
 @pytest.mark.parametrize("occluder_x", [230, 205, 180])
 def test_the_outline_of_an_occluder_is_kept_out_of_the_fit(occluder_x):
     gray = draw([DISC, (occluder_x, 90, 45, 45, 0, 110)], noise=1)
-    features = region_ellipses(segment(gray), gray)
+    features = region_ellipses(segment(gray))
     disc, occluder = nearest(features, DISC), nearest(features, (occluder_x, 90, 45, 45))
     assert np.abs(disc.ellipse.geometric[:4] - DISC[:4]).max() < 0.25
     assert np.abs(occluder.ellipse.geometric[:4] - (occluder_x, 90, 45, 45)).max() < 0.25
@@ -163,7 +163,7 @@ def test_the_outline_of_an_occluder_is_kept_out_of_the_fit(occluder_x):
 @pytest.mark.parametrize("radius", [12.0, 20.0, 70.0])
 def test_blur_does_not_shrink_circles(radius):
     gray = draw([(150.2, 120.6, radius, radius, 0, 180)])
-    (feature,) = region_ellipses(segment(gray), gray)
+    (feature,) = region_ellipses(segment(gray))
     assert np.abs(np.subtract(feature.ellipse.semi_axes, radius)).max() < 0.03
 
 
@@ -173,7 +173,7 @@ def test_errors_on_noisy_images_agree_with_the_covariance(noise, grey):
     for seed in range(40):
         truth = Ellipse.from_geometric(*(60 + rng.uniform(-0.5, 0.5, 2)), 40, 32, 0.0)
         gray = draw([(*truth.geometric, grey)], size=(120, 120), noise=noise, seed=seed)
-        best = region_ellipses(segment(gray), gray)[0].ellipse
+        best = region_ellipses(segment(gray))[0].ellipse
         select = np.array([[0.5, 0, 0.5, 0, 0], [0, 0.5, 0, 0.5, 0], [0, 0, 0, 0, 1]])
         d = select @ (best.p - truth.p)
         errors.append(d @ np.linalg.solve(select @ best.covariance @ select.T, d) / 3)
@@ -184,14 +184,14 @@ def test_boxes_and_streaks_are_not_ellipses():
     gray = np.full((240, 320), 60, np.uint8)
     gray[40:200, 60:260] = 170
     gray[100:110, 80:240] = 90
-    assert region_ellipses(segment(gray), gray) == []
+    assert region_ellipses(segment(gray)) == []
 
 
 def test_a_quarter_turn_turns_the_ellipses():
     gray = draw([OVAL, HOLE])
     turned = np.rot90(gray).copy()
-    expected = [(f.ellipse.centre[1], 319 - f.ellipse.centre[0]) for f in region_ellipses(segment(gray), gray)]
-    found = [tuple(f.ellipse.centre) for f in region_ellipses(segment(turned), turned)]
+    expected = [(f.ellipse.centre[1], 319 - f.ellipse.centre[0]) for f in region_ellipses(segment(gray))]
+    found = [tuple(f.ellipse.centre) for f in region_ellipses(segment(turned))]
     assert np.allclose(sorted(found), sorted(expected), atol=0.02)
 
 
@@ -200,7 +200,7 @@ def test_a_quarter_turn_turns_the_ellipses():
 def test_any_grey_image_gives_a_segmentation_and_a_list(gray):
     segmentation = segment(gray)
     assert segmentation.labels.shape == gray.shape
-    for feature in region_ellipses(segmentation, gray):
+    for feature in region_ellipses(segmentation):
         assert np.isfinite(feature.ellipse.p).all()
         assert 0 < feature.support <= 1
 
@@ -209,36 +209,51 @@ def test_any_grey_image_gives_a_segmentation_and_a_list(gray):
 @given(st.integers(1, 40), st.integers(1, 3000))
 def test_thin_and_long_images_are_no_problem(height, width):
     gray = np.random.default_rng(height).integers(0, 255, (height, width), dtype=np.uint8)
-    assert region_ellipses(segment(gray), gray) is not None
+    assert region_ellipses(segment(gray)) is not None
 
 
 @pytest.mark.parametrize(
     "image",
     [
-        np.zeros((0, 5), np.uint8),
-        np.zeros((4, 4, 3), np.uint8),
+        np.zeros((4, 4, 2), np.uint8),
         np.full((4, 4), np.nan),
-        np.zeros((4, 4), np.uint16),
+        np.full((4, 4), 256, np.uint16),
         np.zeros(4, np.uint8),
     ],
 )
-def test_what_is_no_grey_image_is_refused_with_the_remedy(image):
-    with pytest.raises(InputError, match="uint8"):
+def test_what_is_no_image_is_refused(image):
+    with pytest.raises(InputError, match="image: got"):
         segment(image)
 
 
-def test_an_image_of_another_size_than_the_segmentation_is_refused():
-    with pytest.raises(InputError, match="shape that was segmented"):
-        region_ellipses(segment(np.zeros((20, 20), np.uint8)), np.zeros((20, 21), np.uint8))
+@pytest.mark.parametrize("shape", [(0, 5), (5, 0), (0, 0)])
+def test_an_empty_image_has_no_regions(shape):
+    segmentation = segment(np.zeros(shape, np.uint8))
+    assert segmentation.labels.shape == shape
+    assert segmentation.regions == ()
+    assert region_ellipses(segmentation) == []
+
+
+def test_ellipses_are_those_of_the_image_and_settings_of_the_segmentation():
+    gray = draw([DISC])
+    settings_of_mine = RegionGrowingParameters(blur_px=1.5)
+    segmentation = segment(gray, settings_of_mine)
+    (before,) = region_ellipses(segmentation)
+    gray[:] = 0
+    (after,) = region_ellipses(segmentation)
+    assert (before.ellipse.p == after.ellipse.p).all()
+    assert segmentation.parameters == settings_of_mine
+    (other,) = region_ellipses(segment(draw([DISC])))
+    assert (other.ellipse.p != before.ellipse.p).any()
 
 
 def test_bad_settings_are_refused():
-    with pytest.raises(InputError, match=r"edge_high of RegionGrowing: got 2; expected .* >= 5"):
-        RegionGrowing(edge_low=5, edge_high=2)
+    with pytest.raises(InputError, match=r"edge_high of RegionGrowingParameters: got 2; expected .* >= 5"):
+        RegionGrowingParameters(edge_low=5, edge_high=2)
     with pytest.raises(InputError, match="blur_px"):
-        RegionGrowing(blur_px=0)
+        RegionGrowingParameters(blur_px=0)
     with pytest.raises(InputError, match="sigma_px"):
-        BoundaryFit(sigma_px=0)
+        BoundaryFitParameters(sigma_px=0)
 
 
 def test_segmentations_survive_pickling_read_only():
@@ -246,14 +261,18 @@ def test_segmentations_survive_pickling_read_only():
     copy = pickle.loads(pickle.dumps(segmentation))
     assert (copy.labels == segmentation.labels).all()
     assert not copy.labels.flags.writeable
+    assert not copy.gray.flags.writeable
+    assert [f.ellipse.p.tolist() for f in region_ellipses(copy)] == [
+        f.ellipse.p.tolist() for f in region_ellipses(segmentation)
+    ]
     assert not copy.regions[0].contour.flags.writeable
     assert astuple(copy.regions[0].attributes) == astuple(segmentation.regions[0].attributes)
 
 
 def test_half_a_circumference_is_half_covered():
     ellipse = Ellipse.from_geometric(50, 50, 40, 25, 0.7)
-    assert circumference_covered(ellipse, ellipse.sample(200)) == 1.0
-    assert circumference_covered(ellipse, ellipse.sample(200)[:100]) == pytest.approx(0.5, abs=0.04)
+    assert covered(ellipse.geometric, ellipse.sample(200), 6.0) == 1.0
+    assert covered(ellipse.geometric, ellipse.sample(200)[:100], 6.0) == pytest.approx(0.5, abs=0.04)
 
 
 # The fit.
@@ -271,7 +290,7 @@ def noisy(ellipse, n, part, sigma, rng):
 
 
 @pytest.mark.parametrize(("a", "b", "part"), [(100, 80, 1.0), (100, 80, 0.5), (40, 12, 1.0), (100, 99.9, 1.0)])
-def test_the_covariance_is_honest(a, b, part):
+def test_the_covariance_of_region_ellipses_is_honest(a, b, part):
     truth, rng, trials = Ellipse.from_geometric(300, 200, a, b, 0.4), np.random.default_rng(1), 150
     errors = []
     for _ in range(trials):

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.drawing import stage_panels as stages
-from vision.drawing.panel import Panel, Paper
+from vision.drawing.panel import Canvas, Panel
 from vision.edges.edge_map import as_gray
+from vision.errors import InputError
 from vision.extraction import Extraction
 from vision.geometry.camera import View
 from vision.geometry.ellipse import Ellipse
@@ -56,21 +57,23 @@ def explain(image: NDArray[np.generic]) -> tuple[Panel, ...]:
         The panels of ``MODEL_FREE_PANELS``.
 
     Raises:
-        InputError: when it is not an image, see :func:`vision.edges.edge_map.as_gray`.
+        InputError: when it is not an image, see :func:`vision.edges.edge_map.as_gray`, or has no pixels to draw on.
     """
     whole = as_gray(image)
+    if whole.size == 0:
+        raise InputError("image", got=f"shape {whole.shape}", expected="at least 1 x 1 pixels")
     gray, factor = halved(whole)
-    paper = Paper(gray, _zoom(gray))
+    canvas = Canvas(gray, _zoom(gray))
     segmentation = segment(gray)
     detection = detect(whole)
     grouping, coarse = detection.grouping, [Ellipse(f.ellipse.p / factor) for f in detection.coarse]
     return (
-        _edges_of_groups(paper, grouping),
-        stages.regions(paper, segmentation),
-        stages.region_ellipses(paper, segmentation, region_ellipses(segmentation, gray), segmentation.regions),
-        stages.fragments(paper, grouping),
-        stages.groups(paper, grouping, coarse),
-        stages.kalman_filter(paper, grouping.features),
+        _edges_of_groups(canvas, grouping),
+        stages.regions(canvas, segmentation),
+        stages.region_ellipses(canvas, segmentation, region_ellipses(segmentation), segmentation.regions),
+        stages.fragments(canvas, grouping),
+        stages.groups(canvas, grouping, coarse),
+        stages.kalman_filter(canvas, grouping.features),
     )
 
 
@@ -94,26 +97,26 @@ def explain_view(
     Returns:
         The panels of ``PANELS``; without those of an extractor that was not asked.
     """
-    paper = Paper(view.gray, zoom or _zoom(view.gray))
+    canvas = Canvas(view.gray, zoom or _zoom(view.gray))
     contours = {model.part: _contour(model, estimates, view) for model in models}
-    panels = [_edges(paper, extraction)]
+    panels = [_edges(canvas, extraction)]
     segmentation, grouping = extraction.segmentation, extraction.grouping
     if segmentation is not None:
-        found = extraction.of_process("region")
+        found = extraction.of_extractor("region")
         left = segmentation.regions if extraction.constraints is None else segmentation.prune(extraction.constraints)
         panels += [
-            stages.regions(paper, segmentation),
-            stages.pruned_regions(paper, segmentation, extraction.constraints),
-            stages.region_ellipses(paper, segmentation, found, left),
+            stages.regions(canvas, segmentation),
+            stages.pruned_regions(canvas, segmentation, extraction.constraints),
+            stages.region_ellipses(canvas, segmentation, found, left),
         ]
     if grouping is not None:
-        shown = replace(grouping, features=extraction.of_process("group"))
+        shown = replace(grouping, features=extraction.of_extractor("group"))
         panels += [
-            stages.fragments(paper, shown),
-            stages.groups(paper, shown),
-            stages.kalman_filter(paper, shown.features),
+            stages.fragments(canvas, shown),
+            stages.groups(canvas, shown),
+            stages.kalman_filter(canvas, shown.features),
         ]
-    panels += [draw(paper, view, estimates, contours) for draw in (stages.supporting_features, stages.poses)]
+    panels += [draw(canvas, view, estimates, contours) for draw in (stages.supporting_features, stages.poses)]
     return tuple(panels)
 
 
@@ -121,17 +124,17 @@ def _zoom(gray: NDArray[np.uint8]) -> int:
     return 2 if max(gray.shape) < FINE_BELOW_PX else 1
 
 
-def _edges(paper: Paper, extraction: Extraction) -> Panel:
+def _edges(canvas: Canvas, extraction: Extraction) -> Panel:
     """Those of edge grouping; the linked ones of region growing where that works alone."""
     if extraction.grouping is not None:
-        return _edges_of_groups(paper, extraction.grouping)
+        return _edges_of_groups(canvas, extraction.grouping)
     segmentation = extraction.segmentation
-    linked = np.zeros(paper.gray.shape, np.bool_) if segmentation is None else segmentation.edges
-    return stages.edges(paper, linked, f"{np.count_nonzero(linked)} pixels")
+    linked = np.zeros(canvas.gray.shape, np.bool_) if segmentation is None else segmentation.edges
+    return stages.edges(canvas, linked, f"{np.count_nonzero(linked)} pixels")
 
 
-def _edges_of_groups(paper: Paper, grouping: Grouping) -> Panel:
-    return stages.edges(paper, grouping.edges.index >= 0, f"{len(grouping.edges)} chains")
+def _edges_of_groups(canvas: Canvas, grouping: Grouping) -> Panel:
+    return stages.edges(canvas, grouping.edges.index >= 0, f"{len(grouping.edges)} chains")
 
 
 def _contour(model: VisionModel, estimates: Sequence[PoseEstimate], view: View) -> ModelContour:

@@ -1,4 +1,4 @@
-"""One picture of a stage of vision, and the paper that it is drawn on."""
+"""One picture of a stage of vision, and the canvas that it is drawn on."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.drawing.strokes import Colour, Image, Strokes, enlarge, paint
+from vision.frozen import frozen_arrays
 
 _FADE = 0.45
 _LEGEND_PX = 1280  # longer side of a picture whose legend is written in the font's own size
@@ -17,6 +18,7 @@ _LEGEND_LINE_PX = 34
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Panel:
     """One picture of a stage.
 
@@ -30,18 +32,10 @@ class Panel:
     title: str
     image: Image
 
-    def __post_init__(self) -> None:
-        view = self.image.view()
-        view.flags.writeable = False
-        object.__setattr__(self, "image", view)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the image stays read-only."""
-        return (Panel, (self.name, self.title, self.image))
-
 
 @dataclass(frozen=True, eq=False)
-class Paper:
+@frozen_arrays
+class Canvas:
     """The picture that the stages are drawn over.
 
     Attributes:
@@ -69,11 +63,11 @@ class Paper:
             layers: strokes in pixels of the picture, and how thick they are.
             on: what to draw on; None for the faded picture.
         """
-        canvas = enlarge(self.faded, self.zoom) if on is None else on
+        picture = enlarge(self.faded, self.zoom) if on is None else on
         for strokes, thickness in layers:
             moved = tuple((line + 0.5) * self.zoom - 0.5 for line in strokes.lines)
-            canvas = paint(canvas, Strokes(moved, strokes.colours), thickness_px=thickness * self.zoom)
-        return canvas
+            picture = paint(picture, Strokes(moved, strokes.colours), thickness_px=thickness * self.zoom)
+        return picture
 
 
 def with_legend(image: Image, entries: Sequence[tuple[str, Colour]]) -> Image:
@@ -81,10 +75,10 @@ def with_legend(image: Image, entries: Sequence[tuple[str, Colour]]) -> Image:
     scale = max(image.shape) / _LEGEND_PX
     thickness, margin, line = max(1, round(2 * scale)), round(14 * scale), _LEGEND_LINE_PX * scale
     widths = [cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, thickness)[0][0] for text, _ in entries]
-    canvas, bottom = image.copy(), image.shape[0]
+    picture, bottom = image.copy(), image.shape[0]
     if entries:
-        canvas[max(0, bottom - round(len(entries) * line) - margin) :, : max(widths) + 2 * margin] = 0
+        picture[max(0, bottom - round(len(entries) * line) - margin) :, : max(widths) + 2 * margin] = 0
     for number, (text, colour) in enumerate(reversed(entries)):
         at = (margin, bottom - margin - round(number * line))
-        cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, thickness, cv2.LINE_AA)
-    return canvas
+        cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, thickness, cv2.LINE_AA)
+    return picture

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.drawing.filter_history import filter_history
-from vision.drawing.panel import Panel, Paper, with_legend
+from vision.drawing.panel import Canvas, Panel, with_legend
 from vision.drawing.strokes import (
     Colour,
     Image,
@@ -56,19 +56,19 @@ _ATTRIBUTE_WORDS = {
 }
 
 
-def edges(paper: Paper, index: NDArray[np.bool_], found: str) -> Panel:
+def edges(canvas: Canvas, index: NDArray[np.bool_], found: str) -> Panel:
     """Dark edge pixels on white."""
-    return Panel("1_edges", f"Edges: {found}", enlarge(np.where(index, 30, 255).astype(np.uint8), paper.zoom))
+    return Panel("1_edges", f"Edges: {found}", enlarge(np.where(index, 30, 255).astype(np.uint8), canvas.zoom))
 
 
-def regions(paper: Paper, segmentation: Segmentation) -> Panel:
+def regions(canvas: Canvas, segmentation: Segmentation) -> Panel:
     """Every region filled, over the leaves of its quadtree (Fig. 7 a)."""
     found = segmentation.regions
-    image = paint_regions(paper.gray, segmentation, found, zoom=paper.zoom)
+    image = paint_regions(canvas.gray, segmentation, found, zoom=canvas.zoom)
     return Panel("2_regions", f"Region growing: {len(found)} regions", image)
 
 
-def pruned_regions(paper: Paper, segmentation: Segmentation, constraints: AttributeConstraints | None) -> Panel:
+def pruned_regions(canvas: Canvas, segmentation: Segmentation, constraints: AttributeConstraints | None) -> Panel:
     """The regions that the attribute constraints leave, filled, and the outlines of the others (Fig. 7 b).
 
     The colour of an outline says which attribute rules the region out, the first one where several do.
@@ -78,44 +78,44 @@ def pruned_regions(paper: Paper, segmentation: Segmentation, constraints: Attrib
     kept = [region for region, violations in broken if not violations]
     out = [(region, *next(iter(violations.items()))) for region, violations in broken if violations]
     outlines = region_strokes([region for region, _, _ in out], [_pruned_colour(name) for _, name, _ in out])
-    filled = paint_regions(paper.faded, segmentation, kept, zoom=paper.zoom)
+    filled = paint_regions(canvas.faded, segmentation, kept, zoom=canvas.zoom)
     counts = Counter((name, side) for _, name, side in out)
     legend = [
         (f"{_ATTRIBUTE_WORDS[name]} too {side}: {count}", _pruned_colour(name))
         for (name, side), count in sorted(counts.items())
     ]
-    image = with_legend(paper.drawn((outlines, 1), on=filled), legend)
+    image = with_legend(canvas.drawn((outlines, 1), on=filled), legend)
     return Panel("2b_pruned_regions", f"Pruned by attributes: {len(kept)} of {len(broken)} regions left", image)
 
 
 def region_ellipses(
-    paper: Paper, segmentation: Segmentation, ellipses: Sequence[EllipseFeature], left: Sequence[Region]
+    canvas: Canvas, segmentation: Segmentation, ellipses: Sequence[EllipseFeature], left: Sequence[Region]
 ) -> Panel:
     """The regions, of those left, on whose boundaries ellipses were found."""
     bounded = {feature.attributes for feature in ellipses}
     kept = [region for region in left if region.attributes in bounded]
-    filled = paint_regions(paper.faded, segmentation, kept)
-    image = paper.drawn((ellipse_strokes(ellipses), 1), on=enlarge(filled, paper.zoom))
+    filled = paint_regions(canvas.faded, segmentation, kept)
+    image = canvas.drawn((ellipse_strokes(ellipses), 1), on=enlarge(filled, canvas.zoom))
     return Panel("3_region_ellipses", f"Regions with an elliptic boundary: {len(ellipses)} ellipses", image)
 
 
-def fragments(paper: Paper, grouping: Grouping) -> Panel:
+def fragments(canvas: Canvas, grouping: Grouping) -> Panel:
     """Every smooth convex fragment in a colour of its own (Fig. 8 a)."""
-    image = paper.drawn((fragment_strokes(grouping), 1))
+    image = canvas.drawn((fragment_strokes(grouping), 1))
     return Panel("4_fragments", f"Edge grouping: {len(grouping.table)} fragments", image)
 
 
-def groups(paper: Paper, grouping: Grouping, coarse: Sequence[Ellipse] = ()) -> Panel:
+def groups(canvas: Canvas, grouping: Grouping, coarse: Sequence[Ellipse] = ()) -> Panel:
     """The fragments of every group in its colour, and all ellipses (Figs. 8 b, 9 c).
 
     Args:
-        paper: to draw on.
+        canvas: to draw on.
         grouping: its features are those to draw.
         coarse: ellipses that only a look at half the resolution found.
     """
     outlines = plain_strokes(ellipse_strokes(grouping.features).lines, WHITE)
     others = plain_strokes((_ring(ellipse) for ellipse in coarse), HALF_RESOLUTION_COLOUR)
-    image = _thin(paper, outlines + others, paper.drawn((group_strokes(grouping), 2)))
+    image = _thin(canvas, outlines + others, canvas.drawn((group_strokes(grouping), 2)))
     title = f"Groups of fragments: {len(grouping.features) + len(coarse)} ellipses"
     if coarse:
         image = with_legend(image, [("found at half the resolution", HALF_RESOLUTION_COLOUR)])
@@ -123,11 +123,11 @@ def groups(paper: Paper, grouping: Grouping, coarse: Sequence[Ellipse] = ()) -> 
     return Panel("5_groups", title, image)
 
 
-def kalman_filter(paper: Paper, features: Sequence[EllipseFeature]) -> Panel:
+def kalman_filter(canvas: Canvas, features: Sequence[EllipseFeature]) -> Panel:
     """The estimate of the Kalman filter, from orange before the first point to white after all."""
     title = "Kalman filter: the best ellipse after more and more points"
     if not features:
-        return Panel("6_filter", title, paper.drawn())
+        return Panel("6_filter", title, canvas.drawn())
     best = max(features, key=lambda f: len(f.points) * f.score)
     points = best.points[np.random.default_rng(0).permutation(len(best.points))]
     start = moment_estimate(points)
@@ -136,11 +136,11 @@ def kalman_filter(paper: Paper, features: Sequence[EllipseFeature]) -> Panel:
     lines = tuple(_ring(ellipse) for ellipse in (Ellipse(start), *(state.ellipse for state in shown)))
     shades = np.linspace(0, 1, len(lines))
     colours = np.array([(255, 140 + 115 * s, 255 * s) for s in shades], np.uint8)
-    return Panel("6_filter", title, paper.drawn((Strokes(lines, colours), 1)))
+    return Panel("6_filter", title, canvas.drawn((Strokes(lines, colours), 1)))
 
 
 def supporting_features(
-    paper: Paper, view: View, estimates: Sequence[PoseEstimate], contours: Mapping[str, ModelContour]
+    canvas: Canvas, view: View, estimates: Sequence[PoseEstimate], contours: Mapping[str, ModelContour]
 ) -> Panel:
     """The salient circles of every pose, and the supporting features by how well edges run along them (Fig. 9 d)."""
     salient, supporting = _no_strokes(), _no_strokes()
@@ -150,19 +150,21 @@ def supporting_features(
         salient += model_strokes(contour, T, view, circles)
         supporting += model_strokes(contour, T, view, _by_support(estimate))
     told = [f for estimate in estimates for f in estimate.features if f.role == "supporting"]
-    image = _thin(paper, salient, paper.drawn((supporting, 1)))
+    image = _thin(canvas, salient, canvas.drawn((supporting, 1)))
     legend = [(f"edge support {s:g}", support_colour(s)) for s in (1.0, 0.5, 0.0)]
     confirmed, in_sight = sum(f.confirmed for f in told), sum(f.in_sight for f in told)
     title = f"Supporting features: {confirmed} of {in_sight} in sight confirmed"
     return Panel("7_supporting_features", title, with_legend(image, legend))
 
 
-def poses(paper: Paper, view: View, estimates: Sequence[PoseEstimate], contours: Mapping[str, ModelContour]) -> Panel:
+def poses(
+    canvas: Canvas, view: View, estimates: Sequence[PoseEstimate], contours: Mapping[str, ModelContour]
+) -> Panel:
     """The model, superimposed in its final poses (Figs. 11 c, 12 b)."""
     strokes = _no_strokes()
     for estimate in estimates:
         strokes += model_strokes(contours[estimate.part], estimate.T_world_part.as_matrix(), view)
-    image = paper.drawn((strokes, 1), on=paper.plain)
+    image = canvas.drawn((strokes, 1), on=canvas.plain)
     return Panel("8_poses", f"Superimposed model: {len(estimates)} poses", image)
 
 
@@ -185,10 +187,10 @@ def _pruned_colour(attribute: str) -> Colour:
     return PRUNED_COLOURS.get(attribute, OTHERWISE_PRUNED_COLOUR)
 
 
-def _thin(paper: Paper, strokes: Strokes, on: Image) -> Image:
+def _thin(canvas: Canvas, strokes: Strokes, on: Image) -> Image:
     """Lines one pixel wide, also where everything else is enlarged."""
-    unzoomed = Paper(paper.gray, 1)
-    moved = Strokes(tuple((line + 0.5) * paper.zoom - 0.5 for line in strokes.lines), strokes.colours)
+    unzoomed = Canvas(canvas.gray, 1)
+    moved = Strokes(tuple((line + 0.5) * canvas.zoom - 0.5 for line in strokes.lines), strokes.colours)
     return unzoomed.drawn((moved, 1), on=on)
 
 

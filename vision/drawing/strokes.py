@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.errors import InputError
-from vision.features import EllipseFeature, Process
+from vision.features import EllipseFeature, Extractor
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.grouping.edge_grouping import Grouping
 from vision.model.contour import ModelContour
@@ -24,7 +25,7 @@ Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
-PROCESS_COLOURS: dict[Process, Colour] = {"region": (255, 170, 40), "group": (60, 190, 255)}
+EXTRACTOR_COLOURS: dict[Extractor, Colour] = {"region": (255, 170, 40), "group": (60, 190, 255)}
 """RGB of the ellipses of each extractor."""
 
 SALIENT_COLOUR: Colour = (90, 255, 90)
@@ -42,6 +43,7 @@ _MARGIN_PX = 8
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Strokes:
     """Coloured polylines over an image.
 
@@ -58,14 +60,8 @@ class Strokes:
         colours = np.array(self.colours, dtype=np.uint8).reshape(-1, 3)
         if len(lines) != len(colours):
             raise InputError("strokes", got=f"{len(lines)} lines, {len(colours)} colours", expected="one for each")
-        for array in (*lines, colours):
-            array.flags.writeable = False
         object.__setattr__(self, "lines", lines)
         object.__setattr__(self, "colours", colours)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Strokes, (self.lines, self.colours))
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -88,9 +84,9 @@ def distinct_colours(n: int) -> Image:
 
 
 def ellipse_strokes(features: Sequence[EllipseFeature]) -> Strokes:
-    """The extracted ellipses in the colour of their process (Figs. 11 a, 11 b, 12 a)."""
+    """The extracted ellipses in the colour of their extractor (Figs. 11 a, 11 b, 12 a)."""
     lines = tuple(_closed(feature.ellipse.sample(ELLIPSE_POINTS)) for feature in features)
-    return Strokes(lines, np.array([PROCESS_COLOURS[feature.process] for feature in features], np.uint8))
+    return Strokes(lines, np.array([EXTRACTOR_COLOURS[feature.extractor] for feature in features], np.uint8))
 
 
 def region_strokes(regions: Sequence[Region], colours: Sequence[Colour] | Image | None = None) -> Strokes:

@@ -20,13 +20,12 @@ _MIN_AGREEMENT, _SAME_DIRECTION, _MIN_AGREEMENT_ACROSS = 0.5, 0.97, 0.85
 _MIN_AHEAD = 0.2  # cosine between the tangent and the step to a neighbour
 _MAX_TANGENT_ASIDE = 0.62  # tangent of the angle whose cosine is the least one across a gap
 _MIN_LENGTH_ACROSS = 4  # only what has some length may reach across a gap; specks of texture may not
-_MIN_CLOSED = 16  # points of a closed chain
 
 _TANGENT_OF_SIXTEENTH = np.tan(np.pi / 8)
 
 
 @njit(cache=True)
-def _sector(tx, ty):  # type: ignore[no-untyped-def]
+def _sector(tx, ty):
     """Number of the sixteenth of the full turn that a direction lies in, in no particular order."""
     long, short = max(abs(tx), abs(ty)), min(abs(tx), abs(ty))
     return (tx > 0) | (ty > 0) << 1 | (abs(tx) > abs(ty)) << 2 | (short > _TANGENT_OF_SIXTEENTH * long) << 3
@@ -45,7 +44,7 @@ def _steps_ahead() -> tuple[Numbers, Numbers]:
 
 def link_pixels(
     pixels: NDArray[np.uint8], gx: NDArray[np.int16], gy: NDArray[np.int16], min_length: int, max_gap: int
-) -> tuple[Numbers, Numbers, NDArray[np.bool_]]:
+) -> tuple[Numbers, Numbers]:
     """Link edge pixels into chains.
 
     Args:
@@ -56,8 +55,7 @@ def link_pixels(
         max_gap: gaps up to this length are bridged along the tangent.
 
     Returns:
-        The (N,) numbers y W + x of the pixels in walking order, the (C + 1,) offsets of the chains, and (C,) whether
-        the end of a chain meets its beginning.
+        The (N,) numbers y W + x of the pixels in walking order, and the (C + 1,) offsets of the chains.
     """
     margin = max_gap + 1
     sides = (margin, margin, margin, margin)
@@ -65,16 +63,16 @@ def link_pixels(
     stride = free.shape[1]
     flags = (free > 0).ravel()
     starts = np.flatnonzero(flags)  # much faster than Numba's
-    at, offsets, closed = _link(flags.view(np.int8), starts, gx.ravel(), gy.ravel(), stride, min_length, max_gap)
+    at, offsets = _link(flags.view(np.int8), starts, gx.ravel(), gy.ravel(), stride, min_length, max_gap)
     # Row by row the margin falls away.
-    return at - at // stride * (2 * margin) - margin * (pixels.shape[1] + 1), offsets, closed
+    return at - at // stride * (2 * margin) - margin * (pixels.shape[1] + 1), offsets
 
 
 _AHEAD_DX, _AHEAD_DY = _steps_ahead()
 
 
 @njit(cache=True)
-def _next_neighbour(free, gx, gy, at, sign, stride):  # type: ignore[no-untyped-def]
+def _next_neighbour(free, gx, gy, at, sign, stride):
     """Step (dx, dy) to the free one among the 8 neighbours that continues the walk best, or (0, 0).
 
     From straight ahead to the sides the first one that has the same gradient; else the one whose cosines between step
@@ -103,7 +101,7 @@ def _next_neighbour(free, gx, gy, at, sign, stride):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def _across_gap(free, gx, gy, at, sign, stride, max_gap):  # type: ignore[no-untyped-def]
+def _across_gap(free, gx, gy, at, sign, stride, max_gap):
     """Step (dx, dy) to the free pixel ahead along the tangent, beyond the neighbours, that goes on there; or (0, 0).
 
     The two ends must agree much better than neighbours need to. Of every ring of pixels around only those are looked
@@ -137,7 +135,7 @@ def _across_gap(free, gx, gy, at, sign, stride, max_gap):  # type: ignore[no-unt
 
 
 @njit(cache=True)
-def _walk(free, gx, gy, at, sign, stride, max_gap, out, count, begin):  # type: ignore[no-untyped-def]
+def _walk(free, gx, gy, at, sign, stride, max_gap, out, count, begin):
     """Follow the edge from a pixel along sign * tangent; append pixel numbers to out, return the new count.
 
     The chain so far lies in out[begin:count].
@@ -157,10 +155,10 @@ def _walk(free, gx, gy, at, sign, stride, max_gap, out, count, begin):  # type: 
 
 
 @njit(cache=True)
-def _link(free, starts, gx, gy, stride, min_length, max_gap):  # type: ignore[no-untyped-def]
+def _link(free, starts, gx, gy, stride, min_length, max_gap):
     """See :func:`link_pixels`; all arrays flat and with a margin. ``free``, not 0 at ``starts``, is used up."""
     order, buffer = np.empty(len(starts), np.int64), np.empty(len(starts), np.int64)
-    offsets, closed = [0], [False]
+    offsets = [0]
     n = 0
     for start in starts:
         if not free[start]:
@@ -176,15 +174,12 @@ def _link(free, starts, gx, gy, stride, min_length, max_gap):  # type: ignore[no
         if n - first < min_length:
             n = first
             continue
-        head, tail = order[first], order[n - 1]
-        gap = max(abs(head // stride - tail // stride), abs(head % stride - tail % stride))
         offsets.append(n)
-        closed.append(gap <= max_gap + 1 and n - first >= _MIN_CLOSED)
-    return order[:n].copy(), np.array(offsets), np.array(closed)[1:]
+    return order[:n].copy(), np.array(offsets)
 
 
 @njit(cache=True)
-def _magnitude_at(gx, gy, width, height, x, y):  # type: ignore[no-untyped-def]
+def _magnitude_at(gx, gy, width, height, x, y):
     """Gradient magnitude at a sub-pixel place, bilinear; the gradients are flat arrays."""
     x0 = min(max(int(np.floor(x)), 0), width - 2)
     y0 = min(max(int(np.floor(y)), 0), height - 2)
@@ -196,19 +191,19 @@ def _magnitude_at(gx, gy, width, height, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _magnitude(gx, gy, at):  # type: ignore[no-untyped-def]
+def _magnitude(gx, gy, at):
     """Gradient magnitude in a pixel; single precision, whose roots are several times as fast, is enough."""
     a, b = np.float32(gx[at]), np.float32(gy[at])
     return np.sqrt(a * a + b * b)
 
 
 @njit(cache=True)
-def localise(order, gx, gy):  # type: ignore[no-untyped-def]
+def localise(order, gx, gy):
     """Sub-pixel points: the vertex of a parabola through the gradient magnitude along the gradient."""
     height, width = gx.shape
     flat_x, flat_y = gx.ravel(), gy.ravel()
     n, rows_per_pixel = len(order), 1 / width
-    points, gradients, magnitudes = np.empty((n, 2)), np.empty((n, 2)), np.empty(n)
+    points, gradients = np.empty((n, 2)), np.empty((n, 2))
     for k in range(n):
         at = order[k]
         y = int((at + 0.5) * rows_per_pixel)  # the quotient of whole numbers takes several times as long
@@ -223,5 +218,4 @@ def localise(order, gx, gy):  # type: ignore[no-untyped-def]
         shift = min(max(shift, -0.75), 0.75)
         points[k, 0], points[k, 1] = x + shift * ux, y + shift * uy
         gradients[k, 0], gradients[k, 1] = ux, uy
-        magnitudes[k] = middle
-    return points, gradients, magnitudes
+    return points, gradients

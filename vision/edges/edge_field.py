@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from vision.frozen import frozen_arrays
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
@@ -22,7 +25,26 @@ _STEP_PX = 0.5
 """Between the samples of a profile across the contour."""
 
 
+class StackedEdges(NamedTuple):
+    """The edge fields of V views as the compiled loops read them, and what known parts take from them; written to.
+
+    Attributes:
+        distance: (V, H, W) float32, pixels to the nearest edge pixel; infinite where edges have been claimed.
+        direction: (V, H, W, 2) float32, unit gradient at that edge pixel.
+        nearest: (V, H, W, 2) float32, that edge pixel's x and y; -1 without edges.
+        claimed: (V, H, W) bool, which edges have been claimed.
+        cover: (V, h, w) float32, the depth beyond which known parts hide what is there, by blocks of pixels.
+    """
+
+    distance: Image
+    direction: Image
+    nearest: Image
+    claimed: NDArray[np.bool_]
+    cover: Image
+
+
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class EdgeField:
     """For every pixel, how far the nearest edge is and which way it faces.
 
@@ -138,7 +160,7 @@ def profile_weights(reach_px: float) -> Array:
 
 
 @njit(cache=True)
-def _of_nearest_edge(edges, labels, gx, gy):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _of_nearest_edge(edges, labels, gx, gy):
     """(H, W, 2) unit gradient at the edge pixel that has the same label, and (H, W, 2) where that pixel is."""
     height, width = edges.shape
     of_label = np.zeros((labels.max() + 1, 4), np.float32)
@@ -158,7 +180,7 @@ def _of_nearest_edge(edges, labels, gx, gy):  # type: ignore[no-untyped-def]  # 
 
 
 @njit(cache=True)
-def _measure(smooth, points, normals, weights, minimum_slope, positions, slopes):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _measure(smooth, points, normals, weights, minimum_slope, positions, slopes):
     """Write what :meth:`EdgeField.measure` returns."""
     profile, slope = np.empty(len(weights), np.float32), np.zeros(len(weights), np.float32)
     for i in range(len(points)):
@@ -169,7 +191,7 @@ def _measure(smooth, points, normals, weights, minimum_slope, positions, slopes)
 
 
 @njit(cache=True)
-def edge_along(smooth, x, y, nx, ny, weights, profile, slope, minimum_slope=MINIMUM_SLOPE):  # type: ignore[no-untyped-def]  # pragma: no cover
+def edge_along(smooth, x, y, nx, ny, weights, profile, slope, minimum_slope=MINIMUM_SLOPE):
     """Offset and signed slope of the edge along one normal, see :meth:`EdgeField.measure`; NaN and 0 without an edge.
 
     Args:
@@ -205,13 +227,13 @@ def edge_along(smooth, x, y, nx, ny, weights, profile, slope, minimum_slope=MINI
 
 
 @njit(cache=True)
-def _log_strength(slope):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _log_strength(slope):
     """Logarithm of the size of a slope."""
     return np.log(max(float(abs(slope)), 1e-3))
 
 
 @njit(cache=True, fastmath={"contract"})
-def _interpolate(image, x, y):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _interpolate(image, x, y):
     """Bilinear value of an image (H, W) float32 at (x, y); beyond the border the border goes on."""
     height, width = image.shape
     # In single precision with fused products, bit for bit as cv2.remap; far outside would not fit into whole numbers.

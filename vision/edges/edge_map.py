@@ -7,7 +7,7 @@ straight through and the stem of the T ends there; short gaps, such as Canny lea
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from vision.edges.chains import link_pixels, localise
 from vision.edges.peaks import settle
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.settings import NOT_NEGATIVE, POSITIVE, Allowed, check, count
 
 Array = NDArray[np.float64]
@@ -72,15 +73,14 @@ class EdgeParameters:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class EdgeMap:
     """Chains of sub-pixel edge points of one image.
 
     Attributes:
         points: (N, 2) sub-pixel positions x, y of all chains, one chain after the other, in walking order.
         gradients: (N, 2) unit gradient (towards brighter) at each point.
-        magnitudes: (N,) gradient magnitude, grey levels per pixel.
         offsets: (C + 1,) chain c consists of the points ``offsets[c]:offsets[c + 1]``.
-        closed: (C,) True where the end of a chain meets its beginning.
         index: (H, W) int32, the number of the point that lies in a pixel, or -1.
         gx: (H, W) int16, gradient of the smoothed image along x, in units of its own.
         gy: the same along y.
@@ -88,22 +88,10 @@ class EdgeMap:
 
     points: Array
     gradients: Array
-    magnitudes: Array
     offsets: NDArray[np.int64]
-    closed: NDArray[np.bool_]
     index: NDArray[np.int32]
     gx: NDArray[np.int16]
     gy: NDArray[np.int16]
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            array = np.ascontiguousarray(getattr(self, field.name)).view()
-            array.flags.writeable = False
-            object.__setattr__(self, field.name, array)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (EdgeMap, tuple(getattr(self, field.name) for field in fields(self)))
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
@@ -119,16 +107,6 @@ class EdgeMap:
         takes to be exact is worth the time for the few that form ellipses.
         """
         return np.asarray(settle(self.points[numbers], self.gradients[numbers], self.gx, self.gy))
-
-    @property
-    def endpoints(self) -> Array:
-        """(C, 2, 2) first and last point of every chain."""
-        return np.stack([self.points[self.offsets[:-1]], self.points[self.offsets[1:] - 1]], axis=1)
-
-    @property
-    def mask(self) -> NDArray[np.uint8]:
-        """(H, W) 255 on edge pixels, else 0."""
-        return np.where(self.index >= 0, 255, 0).astype(np.uint8)
 
 
 def as_gray(image: NDArray[np.generic]) -> NDArray[np.uint8]:
@@ -193,12 +171,11 @@ def detect_edges(gray: NDArray[np.generic], parameters: EdgeParameters | None = 
         return _empty(image.shape)
     gx, gy = image_gradients(image, parameters.smoothing_px)
     pixels = cv2.Canny(*_balance(gx, gy, parameters), _UNIT * parameters.hysteresis, _UNIT, L2gradient=True)
-    order, offsets, closed = link_pixels(np.asarray(pixels), gx, gy, parameters.min_length_px, parameters.max_gap_px)
-    points, gradients, magnitudes = localise(order, gx, gy)
+    order, offsets = link_pixels(np.asarray(pixels), gx, gy, parameters.min_length_px, parameters.max_gap_px)
+    points, gradients = localise(order, gx, gy)
     index = np.full(image.shape, -1, np.int32)
     index.ravel()[order] = np.arange(len(order), dtype=np.int32)
-    magnitudes /= _SOBEL_GAIN * _FIXED_POINT
-    return EdgeMap(points, gradients, magnitudes, offsets, closed, index, gx, gy)
+    return EdgeMap(points, gradients, offsets, index, gx, gy)
 
 
 def image_gradients(image: NDArray[np.uint8], smoothing_px: float) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
@@ -234,4 +211,4 @@ def _empty(shape: tuple[int, ...]) -> EdgeMap:
     none = np.zeros((0, 2))
     index = np.full(shape, -1, np.int32)
     flat = np.zeros(shape, np.int16)
-    return EdgeMap(none, none, np.zeros(0), np.zeros(1, np.int64), np.zeros(0, bool), index, flat, flat)
+    return EdgeMap(none, none, np.zeros(1, np.int64), index, flat, flat)

@@ -14,7 +14,7 @@ MAX_SHIFT_PX = 0.75
 
 
 @njit(cache=True)
-def settle(points, gradients, gx, gy):  # type: ignore[no-untyped-def]  # pragma: no cover
+def settle(points, gradients, gx, gy):
     """Edge points (N, 2) moved along their unit gradients (N, 2) onto the peak of the gradient gx, gy (H, W)."""
     settled = points.copy()
     for i in range(len(points)):
@@ -30,14 +30,14 @@ def settle(points, gradients, gx, gy):  # type: ignore[no-untyped-def]  # pragma
 
 
 @njit(cache=True)
-def log_peak(before, here, after):  # type: ignore[no-untyped-def]  # pragma: no cover
+def log_peak(before, here, after):
     """Where the peak is, in steps from the middle one of three samples of a Gaussian."""
     a, b, c = np.log(max(before, 1.0)), np.log(max(here, 1.0)), np.log(max(after, 1.0))
     return (c - a) / (2 * max(2 * b - a - c, 1e-9))
 
 
 @njit(cache=True)
-def slope_across(x, y, nx, ny, gx, gy):  # type: ignore[no-untyped-def]  # pragma: no cover
+def slope_across(x, y, nx, ny, gx, gy):
     """Size of the gradient gx, gy (H, W) along the normal at (x, y), by cubic interpolation; 0 at the border."""
     height, width = gx.shape
     left, top = int(np.floor(x)) - 1, int(np.floor(y)) - 1
@@ -53,7 +53,7 @@ def slope_across(x, y, nx, ny, gx, gy):  # type: ignore[no-untyped-def]  # pragm
 
 
 @njit(cache=True)
-def _cubic_weights(t):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _cubic_weights(t):
     """Catmull-Rom weights of the samples at -1, 0, 1, 2 for the place t in 0..1."""
     return (
         ((2 - t) * t - 1) * t / 2,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from numbers import Integral, Real
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import RigidTransform
 
 from vision.errors import InputError
+from vision.frozen import frozen_arrays, read_only
 
 Array = NDArray[np.float64]
 
@@ -165,6 +167,7 @@ def distortion_of(coefficients: ArrayLike | None) -> tuple[float, float, float, 
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class View:
     """One photograph and where it was taken from.
 
@@ -195,14 +198,7 @@ class View:
                 got=f"{image.dtype} {image.shape}",
                 expected=f"uint8 {size} or {(*size, 3)}, the size of its camera",
             )
-        if image is self.image:
-            image = image.view()
-        image.flags.writeable = False
         object.__setattr__(self, "image", image)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the image stays read-only."""
-        return (View, (self.image, self.camera, self.T_world_camera, self.name))
 
     @property
     def gray(self) -> NDArray[np.uint8]:
@@ -224,11 +220,23 @@ class View:
         return View(np.asarray(image, dtype=np.uint8), camera, self.T_world_camera, self.name)
 
 
-def camera_arrays(views: Sequence[View]) -> tuple[Array, Array]:
-    """T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4) of views."""
+class CameraArrays(NamedTuple):
+    """The cameras of V views as the compiled loops read them.
+
+    Attributes:
+        T_camera_world: (V, 4, 4).
+        intrinsics: (V, 4) fx, fy, cx, cy.
+    """
+
+    T_camera_world: Array
+    intrinsics: Array
+
+
+def camera_arrays(views: Sequence[View]) -> CameraArrays:
+    """The cameras of views."""
     T = np.stack([np.linalg.inv(v.T_world_camera.as_matrix()) for v in views])
     intrinsics = np.array([(v.camera.fx, v.camera.fy, v.camera.cx, v.camera.cy) for v in views], dtype=np.float64)
-    return T, intrinsics
+    return CameraArrays(T, intrinsics)
 
 
 @lru_cache(maxsize=16)
@@ -236,9 +244,7 @@ def _undistortion_maps(camera: Camera) -> tuple[NDArray[np.int16], NDArray[np.ui
     """Where each pixel of a distortion-free image lies in that of a camera, in the fixed-point form of OpenCV."""
     K, size = camera.matrix, (camera.width_px, camera.height_px)
     whole, fraction = cv2.initUndistortRectifyMap(K, np.array(camera.distortion), np.eye(3), K, size, cv2.CV_16SC2)
-    for a in (whole, fraction):
-        a.flags.writeable = False
-    return np.asarray(whole, np.int16), np.asarray(fraction, np.uint16)
+    return read_only((np.asarray(whole, np.int16), np.asarray(fraction, np.uint16)))
 
 
 TOLERANCE = 1e-4  # for matrices that were written with five decimals

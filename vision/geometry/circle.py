@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import RigidTransform
 
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import Camera, View
 from vision.geometry.ellipse import Ellipse
 
@@ -16,6 +17,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Circle:
     """A circle in space.
 
@@ -37,13 +39,8 @@ class Circle:
                 "circle", got=(centre, normal, self.radius_m), expected="finite centre, a normal, radius > 0"
             )
         normal /= length
-        for name, array in (("centre", centre), ("normal", normal)):
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Circle, (self.centre, self.normal, self.radius_m))
+        object.__setattr__(self, "centre", centre)
+        object.__setattr__(self, "normal", normal)
 
     def moved(self, T_to_from: RigidTransform) -> Circle:
         """The circle in another frame."""

@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Ellipse:
     """An ellipse in the image, in pixels.
 
@@ -36,16 +38,9 @@ class Ellipse:
             raise InputError(
                 "focal parameters of an ellipse", got=p.tolist(), expected="5 finite numbers with s > |P1 P2|"
             )
-        p.flags.writeable = False
         object.__setattr__(self, "p", p)
         if self.covariance is not None:
-            covariance = np.array(self.covariance, dtype=float)
-            covariance.flags.writeable = False
-            object.__setattr__(self, "covariance", covariance)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Ellipse, (self.p, self.covariance))
+            object.__setattr__(self, "covariance", np.array(self.covariance, dtype=float))
 
     @classmethod
     def from_geometric(cls, x: float, y: float, semi_major: float, semi_minor: float, angle: float) -> Ellipse:
@@ -106,10 +101,6 @@ class Ellipse:
         """The symmetric 3x3 matrix C with (u, v, 1) C (u, v, 1)ᵀ = 0 on the boundary, < 0 inside."""
         return conic_matrices(self.p)
 
-    def residual(self, points: ArrayLike) -> Array:
-        """The constraint f of eq. (3) at points (N, 2), in pixels; about twice the distance to the boundary."""
-        return focal_residual(self.p, np.atleast_2d(points))
-
     def sample(self, n: int) -> Array:
         """(n, 2) boundary points at equal steps of the eccentric angle, in the direction from x towards y."""
         t = np.linspace(0, 2 * np.pi, n, endpoint=False)
@@ -143,10 +134,6 @@ class Ellipse:
         steepness = np.maximum(np.linalg.norm(J[:, :2] + J[:, 2:4], axis=1), 1e-3)
         return np.einsum("ij,jk,ik->i", J, self.covariance, J) / steepness**2
 
-    def overlap(self, other: Ellipse) -> float:
-        """Intersection over union of the two filled ellipses, by rasterising at sub-pixel resolution."""
-        return overlap(self, other)
-
 
 def geometric_parameters(p: Array) -> Array:
     """(..., 5) centre x, y, semi-major, semi-minor and angle of ellipses with focal parameters (..., 5)."""
@@ -171,7 +158,7 @@ def conic_matrices(p: Array) -> Array:
 
 
 def focal_residual(p: Array, points: Array) -> Array:
-    """f(p, z) = |z - P1| + |z - P2| - s of eq. (3) for points (N, 2): (N,)."""
+    """f(p, z) = |z - P1| + |z - P2| - s of eq. (3) for points (N, 2): (N,) pixels, about twice the distance."""
     return np.asarray(
         np.hypot(points[:, 0] - p[0], points[:, 1] - p[1]) + np.hypot(points[:, 0] - p[2], points[:, 1] - p[3]) - p[4]
     )
@@ -186,7 +173,7 @@ def focal_jacobian(p: Array, points: Array) -> Array:
 
 
 def overlap(a: Ellipse, b: Ellipse, resolution: int = 256) -> float:
-    """Intersection over union of two filled ellipses.
+    """Intersection over union of two filled ellipses, by rasterising at sub-pixel resolution.
 
     Args:
         a: one ellipse.

@@ -79,7 +79,7 @@ def _direct_fit(z: Array) -> Ellipse | None:
 
 
 @njit(cache=True)
-def refine_ellipse(p, points, sigma):  # type: ignore[no-untyped-def]  # pragma: no cover
+def refine_ellipse(p, points, sigma):
     """Focal parameters (5,) and covariance (5, 5) of :func:`fit_ellipse`, and whether the points determine them.
 
     Args:
@@ -103,21 +103,21 @@ def refine_ellipse(p, points, sigma):  # type: ignore[no-untyped-def]  # pragma:
 
 
 @njit(cache=True)
-def _to_regular(p):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _to_regular(p):
     """(5,) centre x, centre y, Re w, Im w, s of focal parameters."""
     h = complex(p[0] - p[2], p[1] - p[3]) / 2
     return np.array([(p[0] + p[2]) / 2, (p[1] + p[3]) / 2, (h * h).real, (h * h).imag, p[4]])
 
 
 @njit(cache=True)
-def _to_focal(theta):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _to_focal(theta):
     """The inverse of :func:`_to_regular`."""
     h = np.sqrt(complex(theta[2], theta[3]))
     return np.array([theta[0] + h.real, theta[1] + h.imag, theta[0] - h.real, theta[1] - h.imag, theta[4]])
 
 
 @njit(cache=True)
-def _distances(theta, z):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _distances(theta, z):
     """First-order distances (N,) of points to the boundary, and their Jacobian (N, 5) in theta."""
     distances, jacobian = np.empty(len(z)), np.empty((len(z), 5))
     h = np.sqrt(complex(theta[2], theta[3]))
@@ -142,14 +142,14 @@ def _distances(theta, z):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _weigh(distances, sigma):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _weigh(distances, sigma):
     """Huber weights (N,) on the robust scale of the distances, at least sigma."""
     scale = max(sigma, 1.4826 * np.median(np.abs(distances)))
     return np.minimum(1.0, _HUBER * scale / np.maximum(np.abs(distances), 1e-12))
 
 
 @njit(cache=True)
-def _normal_equations(distances, jacobian, weights):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _normal_equations(distances, jacobian, weights):
     """Lower triangle of the weighted J^T J (5, 5), and -J^T d (5,).
 
     Damped far below what data say, so that short arcs stay put.
@@ -165,13 +165,13 @@ def _normal_equations(distances, jacobian, weights):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def _is_ellipse(theta):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _is_ellipse(theta):
     """Whether s exceeds the distance of the focal points, and the size has not run away from the unit start."""
     return 2 * np.sqrt(np.hypot(theta[2], theta[3])) < 0.9999 * theta[4] < 1e3
 
 
 @njit(cache=True)
-def _refine(theta, z, sigma):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _refine(theta, z, sigma):
     """Gauss-Newton with Huber weights: theta and whether it is an ellipse that the points determine."""
     for _ in range(_ITERATIONS):
         distances, jacobian = _distances(theta, z)
@@ -190,7 +190,7 @@ def _refine(theta, z, sigma):  # type: ignore[no-untyped-def]  # pragma: no cove
 
 
 @njit(cache=True)
-def _covariance(theta, z, sigma):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _covariance(theta, z, sigma):
     """Covariance (5, 5) of the focal parameters, from the normal equations, and whether there is one."""
     distances, jacobian = _distances(theta, z)
     weights = _weigh(distances, sigma)
@@ -212,7 +212,7 @@ def _covariance(theta, z, sigma):  # type: ignore[no-untyped-def]  # pragma: no 
 
 
 @njit(cache=True)
-def _focal_by_regular(dh_dw):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _focal_by_regular(dh_dw):
     """Derivative (5, 5) of p by theta."""
     jacobian = np.zeros((5, 5))
     for first, sign in ((0, 1.0), (2, -1.0)):

@@ -7,13 +7,13 @@ from numba import njit
 
 
 @njit(cache=True)
-def norm2(x, y):  # type: ignore[no-untyped-def]
+def norm2(x, y):
     """Length of a vector of moderate size; several times as fast as np.hypot, which heeds overflow."""
     return np.sqrt(x * x + y * y)
 
 
 @njit(cache=True)
-def solve5(matrix, right):  # type: ignore[no-untyped-def]
+def solve5(matrix, right):
     """Solve a symmetric positive definite 5x5 system in place (Cholesky); False when it is singular."""
     for i in range(5):
         for j in range(i + 1):
@@ -38,7 +38,7 @@ def solve5(matrix, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"reassoc", "contract"})
-def normal_equations5(rows, n, matrix, right):  # type: ignore[no-untyped-def]
+def normal_equations5(rows, n, matrix, right):
     """Normal equations of n equations in 5 unknowns, the columns of ``rows`` (6, N) with their right sides below.
 
     Only the lower triangle of ``matrix`` (5, 5) is written. Sums may be taken in any order here, for then several
@@ -56,7 +56,7 @@ def normal_equations5(rows, n, matrix, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def fit_algebraic(x, y, nx, ny, n, p):  # type: ignore[no-untyped-def]
+def fit_algebraic(x, y, nx, ny, n, p):
     """Conic through n points that is square to their normals, as focal parameters p; False if not an ellipse.
 
     The quadratic part A x² + B x y + C y² has the trace A + C = 1, which does not depend on the coordinate axes
@@ -83,7 +83,7 @@ def fit_algebraic(x, y, nx, ny, n, p):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _conic_to_focal(a, b, c, d, e, f, mx, my, scale, p):  # type: ignore[no-untyped-def]
+def _conic_to_focal(a, b, c, d, e, f, mx, my, scale, p):
     """Focal parameters of the conic a x² + b x y + c y² + d x + e y + f = 0; False if not a real ellipse."""
     determinant = 4 * a * c - b * b
     if determinant < 1e-5:
@@ -105,7 +105,7 @@ def _conic_to_focal(a, b, c, d, e, f, mx, my, scale, p):  # type: ignore[no-unty
 
 
 @njit(cache=True)
-def signed_distance(p, x, y):  # type: ignore[no-untyped-def]
+def signed_distance(p, x, y):
     """First-order distance of a point to the ellipse p: f of eq. (3) over |df/dz|; positive outside."""
     ax, ay, bx, by = x - p[0], y - p[1], x - p[2], y - p[3]
     s1, s2 = max(norm2(ax, ay), 1e-9), max(norm2(bx, by), 1e-9)

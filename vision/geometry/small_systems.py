@@ -7,7 +7,7 @@ from numba import njit
 
 
 @njit(cache=True)
-def factorise(normal):  # type: ignore[no-untyped-def]  # pragma: no cover
+def factorise(normal):
     """Turn the lower triangle of a matrix (N, N) into its L of L D Lᵀ, with D on the diagonal.
 
     Returns:
@@ -27,7 +27,7 @@ def factorise(normal):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def solve(factors, right):  # type: ignore[no-untyped-def]  # pragma: no cover
+def solve(factors, right):
     """Turn a right side (N,) into the solution, by the factors that :func:`factorise` leaves."""
     n = len(right)
     for i in range(n):
@@ -40,7 +40,7 @@ def solve(factors, right):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def invert(factors):  # type: ignore[no-untyped-def]  # pragma: no cover
+def invert(factors):
     """The inverse (N, N) of the matrix with these factors."""
     inverse = np.eye(len(factors))
     for row in inverse:

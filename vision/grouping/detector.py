@@ -50,9 +50,9 @@ class Detection:
 
 
 def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | None = None) -> Array:
-    """Find the ellipses in a photograph: those that edges show at full resolution, then others at half of it.
+    """Look for ellipses in a photograph, at full resolution and at half of it: their numbers alone, an array (N, 5).
 
-    The order is that of the score; :func:`find_ellipses` returns it, with the edge points and covariances.
+    :func:`find_ellipses` tells score, edge points and covariance of the same ellipses; ``group_ellipses`` looks once.
 
     Args:
         gray: (H, W) uint8 grey levels; (H, W, 3) RGB is converted.
@@ -69,7 +69,9 @@ def detect_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | 
 
 
 def find_ellipses(gray: NDArray[np.generic], parameters: GroupingParameters | None = None) -> list[EllipseFeature]:
-    """The ellipses of :func:`detect_ellipses` with all that is known of them.
+    """Look for ellipses in a photograph, at full resolution and at half of it: with score, edge points, covariance.
+
+    :func:`detect_ellipses` gives the same ellipses in bare numbers; ``group_ellipses`` looks once, as matching does.
 
     Images with more than 1600 px along a side are halved first, which bounds the time. So do ``max_hypotheses`` and
     ``max_attempts``: among very many ellipses those made of the longest edges are found.

@@ -12,7 +12,7 @@ _SAMPLES, _APART_SAMPLES = 64, 16
 
 
 @njit(cache=True)
-def overlap(a, b):  # type: ignore[no-untyped-def]
+def overlap(a, b):
     """Intersection over union of two filled ellipses (focal parameters); 0 where b does not hold the centre of a.
 
     The affine map that makes a the unit circle keeps ratios of areas. In polar coordinates from its centre a has the
@@ -40,7 +40,7 @@ def overlap(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def largest_distance(a, b):  # type: ignore[no-untyped-def]
+def largest_distance(a, b):
     """How far the outline of b strays from that of a, in pixels."""
     cx, cy, major, minor, cos, sin = axes(b)
     worst = 0.0
@@ -52,7 +52,7 @@ def largest_distance(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def is_known(p, others, count, min_overlap, max_apart):  # type: ignore[no-untyped-def]
+def is_known(p, others, count, min_overlap, max_apart):
     """Whether p (5,) is one of the first ``count`` of the others (N, 5).
 
     Ellipses are the same that overlap by more than ``min_overlap``, unless their outlines are further apart than

@@ -20,9 +20,9 @@ from vision.grouping.hypotheses import (
     representatives,
 )
 from vision.grouping.kalman_filter import FilterParameters, FilterResult, distances, fit_ellipse, unshrink
-from vision.grouping.score import COVERAGE, SCORE
+from vision.grouping.score import COVERAGE, DEFAULT_WEIGHTS, SCORE, ScoreWeights
 from vision.grouping.support import EdgeArrays
-from vision.grouping.verification import select_survivors, verify_hypotheses
+from vision.grouping.verification import EllipseLimits, select_survivors, verify_hypotheses
 from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, Allowed, check, count
 
 Array = NDArray[np.float64]
@@ -46,6 +46,7 @@ class GroupingParameters:
         max_error_px: the same of the supporting points; also the limit of the paper's fitting error.
         min_coverage: least share of the circumference that edges support.
         min_score: least score of a detection, see :func:`vision.grouping.detector.detect_ellipses`.
+        weights: of the score.
         min_overlap: ellipses that overlap by more than this are one,
         max_apart_px: unless their outlines are further apart than this somewhere.
         max_hypotheses: bound on the number of pairs; the longest are kept.
@@ -66,6 +67,7 @@ class GroupingParameters:
     max_error_px: float = 0.9
     min_coverage: float = 0.3
     min_score: float = 0.33
+    weights: ScoreWeights = DEFAULT_WEIGHTS
     min_overlap: float = 0.85
     max_apart_px: float = np.inf
     max_hypotheses: int = 600
@@ -74,6 +76,8 @@ class GroupingParameters:
     def __post_init__(self) -> None:
         if self.size_px is not None and (len(self.size_px) != 2 or not 0 < self.size_px[0] <= self.size_px[1]):
             raise InputError("size_px", got=self.size_px, expected="0 < smallest <= largest semi-major axis")
+        if not isinstance(self.weights, ScoreWeights) or not self.weights.are_valid:
+            raise InputError("weights", got=self.weights, expected="ScoreWeights, each a finite float >= 0")
         check(self, convexity_slack_px=NOT_NEGATIVE, grey_tolerance=NOT_NEGATIVE, tolerance_px=POSITIVE)
         check(self, max_direction_error_rad=POSITIVE, max_pair_error_px=POSITIVE, max_error_px=POSITIVE)
         check(self, min_share=SHARE, min_coverage=SHARE, min_score=SHARE, min_overlap=SHARE)
@@ -117,7 +121,15 @@ class Grouping:
 def group_ellipses(
     gray: NDArray[np.generic], parameters: GroupingParameters | None = None, edges: EdgeMap | None = None
 ) -> list[EllipseFeature]:
-    """The ellipses of an image, best first, with their edge points and covariances; see :func:`group_edges`."""
+    """Look for ellipses once, at full resolution, as matching does: with score, edge points, covariance; best first.
+
+    ``find_ellipses`` and ``detect_ellipses`` look at half the resolution, too; :func:`group_edges` keeps every stage.
+
+    Args:
+        gray: as for :func:`group_edges`, and so are the others and the errors.
+        parameters: thresholds.
+        edges: of this image, where they are known already.
+    """
     return list(group_edges(gray, parameters, edges).features)
 
 
@@ -140,30 +152,53 @@ def group_edges(
     table = extract_fragments(edges, image, parameters.fragments)
     if len(table) == 0:
         return Grouping(edges, table, (), parameters.tolerance_px)
-    points = representatives(table, edges)
-    size = parameters.size_px or (4.0, float(max(image.shape)))
-    ps, groups = _hypotheses(table, points, size, parameters)
-    limits = (
-        parameters.tolerance_px,
-        float(np.cos(parameters.max_direction_error_rad)),
-        parameters.min_score,
-        parameters.min_coverage,
-        parameters.max_error_px,
-        *size,
-    )
     arrays = EdgeArrays.of(edges)
-    ps, quality = verify_hypotheses(ps, groups, arrays, points, limits, parameters.max_attempts)
-    chosen, numbers, quality = select_survivors(ps, quality[:, SCORE], arrays, limits)
+    ps, quality = walked_ellipses(table, edges, arrays, parameters)
+    limits = _limits(edges, parameters)
+    chosen, numbers, quality = select_survivors(ps, quality[:, SCORE], arrays, limits, parameters.weights)
     features = _filter_survivors(ps[chosen], numbers, quality, edges, parameters)
     return Grouping(edges, table, tuple(features), parameters.tolerance_px)
 
 
+def walked_ellipses(
+    table: FragmentTable, edges: EdgeMap, arrays: EdgeArrays, parameters: GroupingParameters
+) -> tuple[Array, Array]:
+    """All ellipses that survive the verification, before they compete for edge points.
+
+    Args:
+        table: the fragments of the edges, at least one.
+        edges: of the image.
+        arrays: the same edges.
+        parameters: thresholds.
+
+    Returns:
+        (S, 5) refined focal parameters and (S, 11) quality, see ``score.py``.
+    """
+    points, limits = representatives(table, edges), _limits(edges, parameters)
+    ps, groups = _hypotheses(table, points, (limits.min_semi_major_px, limits.max_semi_major_px), parameters)
+    return verify_hypotheses(ps, groups, arrays, points, limits, parameters.weights, parameters.max_attempts)
+
+
+def _limits(edges: EdgeMap, parameters: GroupingParameters) -> EllipseLimits:
+    smallest, largest = parameters.size_px or (4.0, float(max(edges.index.shape)))
+    return EllipseLimits(
+        tolerance_px=parameters.tolerance_px,
+        agreement=float(np.cos(parameters.max_direction_error_rad)),
+        min_score=parameters.min_score,
+        min_coverage=parameters.min_coverage,
+        max_error_px=parameters.max_error_px,
+        min_semi_major_px=smallest,
+        max_semi_major_px=largest,
+    )
+
+
 def _hypotheses(
-    table: FragmentTable, points: Representatives, size: tuple[float, float], parameters: GroupingParameters
+    table: FragmentTable, points: Representatives, size_px: tuple[float, float], parameters: GroupingParameters
 ) -> tuple[Array, NDArray[np.int64]]:
     """Ellipses through single fragments and through pairs that meet the three constraints."""
+    _, largest = size_px
     constraints = PairConstraints(
-        max_extent_px=2 * size[1],
+        max_extent_px=2 * largest,
         convexity_slack_px=parameters.convexity_slack_px,
         grey_tolerance=parameters.grey_tolerance,
     )
@@ -174,7 +209,7 @@ def _hypotheses(
     singles = np.column_stack([np.arange(len(table)), np.full(len(table), -1)])
     groups = np.vstack([singles, pairs])
     fine, ps = fit_hypotheses(
-        groups, points, table.length_px, parameters.max_pair_error_px, parameters.min_share, size
+        groups, points, table.length_px, parameters.max_pair_error_px, parameters.min_share, size_px
     )
     return ps[fine], groups[fine]
 

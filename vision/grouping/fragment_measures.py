@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from vision.geometry.focal_form import norm2
 
 
+class FragmentLimits(NamedTuple):
+    """What a part of a chain must reach to be a fragment; see ``FragmentParameters``."""
+
+    min_length_px: float
+    min_turn_rad: float
+    min_sagitta_px: float
+
+
 @njit(cache=True)
-def _grey_along(image, points, gradients, start, stop, offset):  # type: ignore[no-untyped-def]
+def _grey_along(image, points, gradients, start, stop, offset):
     """Mean grey level at a signed offset along the gradient from every second point."""
     height, width = image.shape
     total, n = 0.0, 0
@@ -22,7 +32,7 @@ def _grey_along(image, points, gradients, start, stop, offset):  # type: ignore[
 
 
 @njit(cache=True)
-def _length(points, a, b):  # type: ignore[no-untyped-def]
+def _length(points, a, b):
     """Length of the polygon through points[a:b + 1]."""
     total = 0.0
     for k in range(a + 1, b + 1):
@@ -31,7 +41,7 @@ def _length(points, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _turn(gradients, a, b):  # type: ignore[no-untyped-def]
+def _turn(gradients, a, b):
     """Angle by which the gradient turns from a to b, +: from x towards y.
 
     It adds up along the arc from gradients a few points apart, which bridges their noise.
@@ -46,7 +56,7 @@ def _turn(gradients, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _chord_normal(points, a, b, side, length, cx, cy):  # type: ignore[no-untyped-def]
+def _chord_normal(points, a, b, side, length, cx, cy):
     """Unit normal of the chord of an arc with the centre of mass (cx, cy), towards the inside."""
     x, y = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
     if norm2(x, y) < 0.15 * length:
@@ -58,7 +68,7 @@ def _chord_normal(points, a, b, side, length, cx, cy):  # type: ignore[no-untype
 
 
 @njit(cache=True)
-def _sagitta(points, a, b, nx, ny):  # type: ignore[no-untyped-def]
+def _sagitta(points, a, b, nx, ny):
     """How far an arc bulges beyond its chord, whose inner normal is given."""
     largest = 0.0
     for k in range(a, b + 1):
@@ -67,7 +77,7 @@ def _sagitta(points, a, b, nx, ny):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _end_normal(gradients, low, high, side):  # type: ignore[no-untyped-def]
+def _end_normal(gradients, low, high, side):
     """Unit normal towards the inside, from the mean of gradients[low:high + 1]."""
     gx, gy = 0.0, 0.0
     for k in range(low, high + 1):
@@ -78,12 +88,11 @@ def _end_normal(gradients, low, high, side):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def measure_parts(points, gradients, start, stop, sense, image, limits, offset):  # type: ignore[no-untyped-def]
+def measure_fragments(points, gradients, start, stop, sense, image, limits, offset):
     """Numbers of the parts that are long and bent enough, and the columns of their table.
 
-    Most parts are straight or specks: whatever discards a part is measured first.
+    Most parts are straight or specks: whatever discards a part is measured first. The limits are ``FragmentLimits``.
     """
-    min_length, min_turn, min_sagitta = limits
     n, count = len(start), 0
     kept, turn, length = np.empty(n, np.int64), np.empty(n), np.empty(n)
     endpoints, normals, centre, grey = np.empty((n, 2, 2)), np.empty((n, 3, 2)), np.empty((n, 2)), np.empty((n, 2))
@@ -92,14 +101,14 @@ def measure_parts(points, gradients, start, stop, sense, image, limits, offset):
         if b - a < 5 or side == 0:
             continue
         length[r] = _length(points, a, b)
-        if length[r] < min_length:
+        if length[r] < limits.min_length_px:
             continue
         centre[r, 0], centre[r, 1] = points[a : b + 1, 0].mean(), points[a : b + 1, 1].mean()
         nx, ny = _chord_normal(points, a, b, side, length[r], centre[r, 0], centre[r, 1])
-        if _sagitta(points, a, b, nx, ny) < min_sagitta:
+        if _sagitta(points, a, b, nx, ny) < limits.min_sagitta_px:
             continue
         turn[r] = side * _turn(gradients, a, b)
-        if turn[r] < min_turn:
+        if turn[r] < limits.min_turn_rad:
             continue
         window = min(5, b - a)
         endpoints[r, 0], endpoints[r, 1] = points[a], points[b]

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from vision.edges.edge_map import EdgeMap
 from vision.errors import InputError
-from vision.grouping.fragment_measures import measure_parts
+from vision.frozen import frozen_arrays
+from vision.grouping.fragment_measures import FragmentLimits, measure_fragments
 from vision.settings import NOT_NEGATIVE, POSITIVE, check
 
 Array = NDArray[np.float64]
@@ -50,6 +51,7 @@ class FragmentParameters:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Fragment:
     """A smooth convex arc of one chain.
 
@@ -73,17 +75,6 @@ class Fragment:
     grey_inside: float
     grey_outside: float
 
-    def __post_init__(self) -> None:
-        for name in ("points", "gradients", "centre_of_mass"):
-            array = np.asarray(getattr(self, name), dtype=float).view()
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        values = (self.points, self.gradients, self.start, self.inside_brighter, self.centre_of_mass)
-        return (Fragment, (*values, self.turn_rad, self.grey_inside, self.grey_outside))
-
     @property
     def endpoints(self) -> Array:
         """(2, 2) first and last point."""
@@ -91,6 +82,7 @@ class Fragment:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class FragmentTable:
     """All fragments of an image as columns: what the pairwise constraints read.
 
@@ -151,15 +143,15 @@ def extract_fragments(
     if edges.index.shape != image.shape:
         raise InputError("edge map", got=f"for {edges.index.shape}", expected=f"one of the image {image.shape}")
     start, stop, sense = _divide(edges.points, edges.offsets, parameters.tolerance_px, parameters.corner_factor)
-    limits = (parameters.min_length_px, parameters.min_turn_rad, parameters.min_sagitta_px)
-    kept, *columns = measure_parts(
+    limits = FragmentLimits(parameters.min_length_px, parameters.min_turn_rad, parameters.min_sagitta_px)
+    kept, *columns = measure_fragments(
         edges.points, edges.gradients, start, stop, sense, image, limits, parameters.grey_offset_px
     )
     return FragmentTable(start[kept], stop[kept], sense[kept] < 0, *columns)
 
 
 @njit(cache=True)
-def _polygon(points, first, last, tolerance, keep, stack):  # type: ignore[no-untyped-def]
+def _polygon(points, first, last, tolerance, keep, stack):
     """Mark the vertices of a polygon within tolerance of points[first:last + 1] (Ramer, Douglas, Peucker).
 
     ``stack`` (N, 2) is scratch.
@@ -187,7 +179,7 @@ def _polygon(points, first, last, tolerance, keep, stack):  # type: ignore[no-un
 
 
 @njit(cache=True)
-def _divide(points, offsets, tolerance, corner_factor):  # type: ignore[no-untyped-def]
+def _divide(points, offsets, tolerance, corner_factor):
     """First and one-past-last point, and sense of turning (+1: from x towards y), of the parts of all chains."""
     keep, stack = np.zeros(len(points), np.bool_), np.empty((len(points) + 1, 2), np.int64)
     starts, stops, senses = [0], [0], [0]

@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.edges.edge_map import EdgeMap
+from vision.frozen import frozen_arrays
 from vision.geometry.focal_form import fit_algebraic, norm2, signed_distance
 from vision.grouping.fragments import FragmentTable
 
@@ -40,6 +41,7 @@ class PairConstraints:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Representatives:
     """Equally spaced points of every fragment.
 
@@ -103,7 +105,7 @@ def fit_hypotheses(
 
 
 @njit(cache=True)
-def _representatives(start, stop, brighter, points, gradients):  # type: ignore[no-untyped-def]
+def _representatives(start, stop, brighter, points, gradients):
     """Points and outward normals of all fragments, (F, 16, 2) each."""
     n = POINTS_PER_FRAGMENT
     chosen, normals = np.empty((len(start), n, 2)), np.empty((len(start), n, 2))
@@ -118,7 +120,7 @@ def _representatives(start, stop, brighter, points, gradients):  # type: ignore[
 
 
 @njit(cache=True)
-def _size_ok(a, b, max_extent):  # type: ignore[no-untyped-def]
+def _size_ok(a, b, max_extent):
     """Size constraint: the endpoints of the two fragments are not too far apart."""
     for i in range(2):
         for j in range(2):
@@ -128,7 +130,7 @@ def _size_ok(a, b, max_extent):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _half_planes(endpoints, normals):  # type: ignore[no-untyped-def]
+def _half_planes(endpoints, normals):
     """(3, 3, F) the three half-planes (a, b, c), in which the rest of a convex curve lies: a x + b y + c >= 0.
 
     It lies inside the tangents at the two endpoints of the fragment, and beyond its chord.
@@ -145,7 +147,7 @@ def _half_planes(endpoints, normals):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _witnesses(endpoints, centre):  # type: ignore[no-untyped-def]
+def _witnesses(endpoints, centre):
     """(3, 2, F) x and y of the two endpoints and the centre of mass of every fragment."""
     witnesses = np.empty((3, 2, len(centre)))
     for i in range(len(centre)):
@@ -157,7 +159,7 @@ def _witnesses(endpoints, centre):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _convexity(planes, witnesses, i, margin):  # type: ignore[no-untyped-def]
+def _convexity(planes, witnesses, i, margin):
     """Convexity constraint, both ways: two endpoints and centre of mass against the half-planes of the other one.
 
     ``margin`` receives for every fragment after i how far the worst of these points lies on the right side. There
@@ -177,7 +179,7 @@ def _convexity(planes, witnesses, i, margin):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _similar(grey, brighter, i, j, tolerance):  # type: ignore[no-untyped-def]
+def _similar(grey, brighter, i, j, tolerance):
     """Grey-level similarity constraint: inside or outside, for opposite contrasts inside and more strictly."""
     inside = abs(grey[i, 0] - grey[j, 0])
     if brighter[i] == brighter[j]:
@@ -186,7 +188,7 @@ def _similar(grey, brighter, i, j, tolerance):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _pairs(numbers, endpoints, normals, centre, brighter, grey, max_extent, slack, tolerance):  # type: ignore[no-untyped-def]
+def _pairs(numbers, endpoints, normals, centre, brighter, grey, max_extent, slack, tolerance):
     endpoints = endpoints[numbers]
     planes, witnesses = _half_planes(endpoints, normals[numbers]), _witnesses(endpoints, centre[numbers])
     margin = np.empty(len(numbers))
@@ -206,7 +208,7 @@ def _pairs(numbers, endpoints, normals, centre, brighter, grey, max_extent, slac
 
 
 @njit(cache=True)
-def _fit_all(groups, points, normals, length, max_error, min_share, min_size, max_size):  # type: ignore[no-untyped-def]
+def _fit_all(groups, points, normals, length, max_error, min_share, min_size, max_size):
     n = len(groups)
     fine, ps = np.zeros(n, np.bool_), np.zeros((n, 5))
     each = points.shape[1]

@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Ellipse, focal_residual
 from vision.geometry.focal_form import norm2
 from vision.settings import NOT_NEGATIVE, POSITIVE, check, count
@@ -23,7 +24,7 @@ MIN_POINTS = 6
 
 
 @njit(cache=True)
-def measure(p, points, offset, slope):  # type: ignore[no-untyped-def]
+def measure(p, points, offset, slope):
     """First-order distances of points (N, 2) to p into ``offset`` (N,), and |df/dz| into ``slope`` (N,)."""
     for k in range(len(points)):
         ax, ay, bx, by = points[k, 0] - p[0], points[k, 1] - p[1], points[k, 0] - p[2], points[k, 1] - p[3]
@@ -34,12 +35,12 @@ def measure(p, points, offset, slope):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _median_of_absolutes(values):  # type: ignore[no-untyped-def]
+def _median_of_absolutes(values):
     return np.median(np.abs(values))
 
 
 @njit(cache=True)
-def update(prior, at, prior_px, points, inliers, deviation, posterior):  # type: ignore[no-untyped-def]
+def update(prior, at, prior_px, points, inliers, deviation, posterior):
     """One update from the prior, linearised at another estimate: covariance (5, 5); the estimate into ``posterior``.
 
     Every point measures f(p, z) = 0 with the variance (deviation |df/dz|)².
@@ -74,7 +75,7 @@ def update(prior, at, prior_px, points, inliers, deviation, posterior):  # type:
 
 
 @njit(cache=True)
-def iterate(points, initial, prior_px, spacing_px, floor, gate, correlation_px, iterations, inliers):  # type: ignore[no-untyped-def]
+def iterate(points, initial, prior_px, spacing_px, floor, gate, correlation_px, iterations, inliers):
     """Run the filter: whether it arrived, p (5,), its covariance (5, 5), and the mean distance of the inliers.
 
     ``inliers`` (N,) receives the points within the gate.
@@ -146,6 +147,7 @@ class FilterParameters:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class FilterResult:
     """What the filter found.
 
@@ -195,7 +197,7 @@ def unshrink(p: Array, points: Array, smoothing_px: float) -> Array:
 
 
 @njit(cache=True)
-def _unshrunk(p, points, smoothing):  # type: ignore[no-untyped-def]
+def _unshrunk(p, points, smoothing):
     focal = norm2(p[0] - p[2], p[1] - p[3])
     axes_product = 0.25 * p[4] * np.sqrt(max(p[4] * p[4] - focal * focal, 0.0))
     moved = np.empty_like(points)

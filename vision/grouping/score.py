@@ -8,6 +8,8 @@ edges crossing in between.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -20,8 +22,38 @@ COVERAGE, ERROR, DIRECTION, VISIBLE, CHAIN, CLUTTER, SUPPORT, MINOR, PIECES, TUR
 QUALITIES = 11
 
 
+class ScoreWeights(NamedTuple):
+    """Weights of the logistic model, none negative: :func:`log_odds` says what they weigh and with which sign.
+
+    ``benchmark/tuning/ellipse_score.py`` fits them. Those of the two errors are held at smaller values than the fit
+    prefers, because real outlines are less perfect than drawn ones.
+    """
+
+    coverage: float = 17.9
+    coverage_squared: float = 7.8
+    support: float = 1.65
+    turn: float = 1.35
+    visible: float = 1.75
+    chain: float = 1.5
+    pieces: float = 1.0
+    minor: float = 1.1
+    clutter: float = 6.8
+    direction: float = 11.0
+    error: float = 9.0
+    constant: float = 19.3
+    concentric: float = 2.5
+
+    @property
+    def are_valid(self) -> bool:
+        """Whether all are finite numbers and none is negative."""
+        return all(isinstance(weight, float) and 0 <= weight < np.inf for weight in self)
+
+
+DEFAULT_WEIGHTS = ScoreWeights()
+
+
 @njit(cache=True)
-def _own_share(hits, steps, edges, counts, px_per_step):  # type: ignore[no-untyped-def]
+def _own_share(hits, steps, edges, counts, px_per_step):
     """Share of the supporting chains that lies on the outline, weighted by their support.
 
     ``counts`` is a zeroed scratch array with a number per chain, and is left zeroed.
@@ -42,7 +74,7 @@ def _own_share(hits, steps, edges, counts, px_per_step):  # type: ignore[no-unty
 
 
 @njit(cache=True)
-def _clutter(p, edges, hits, steps):  # type: ignore[no-untyped-def]
+def _clutter(p, edges, hits, steps):
     """Share of places beside the outline, at 3 and 5 px on either side, where an edge runs across its direction."""
     number_at, gradients = edges.number_at, edges.gradients
     height, width = number_at.shape
@@ -67,10 +99,10 @@ def _clutter(p, edges, hits, steps):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def assess(p, edges, hits, steps, counts, quality):  # type: ignore[no-untyped-def]
+def assess(p, edges, hits, steps, weights, counts, quality):
     """Quality of a walked outline: see the columns above.
 
-    ``counts`` is a zeroed scratch array with a number per chain.
+    ``weights`` are those of the score; ``counts`` is a zeroed scratch array with a number per chain.
     """
     points, gradients, chain = edges.points, edges.gradients, edges.chain
     _, _, major, minor, cos, sin = axes(p)
@@ -113,42 +145,33 @@ def assess(p, edges, hits, steps, counts, quality):  # type: ignore[no-untyped-d
     quality[CLUTTER] = _clutter(p, edges, hits, steps)
     quality[PIECES] = pieces
     quality[TURN] = turn / steps  # of the normal, over a full turn
-    quality[SCORE] = _score(quality)
+    quality[SCORE] = 1 / (1 + np.exp(-log_odds(quality, weights)))
 
 
 @njit(cache=True)
-def _score(quality):  # type: ignore[no-untyped-def]
-    """Probability in [0, 1] that a walked outline is a true ellipse.
-
-    The weights of the logistic model were fitted to the 'tune' drawings of benchmark/detector and to photographs. The
-    weights of the two errors were held at smaller values than the fit prefers, because real outlines are less perfect
-    than drawn ones.
-    """
+def log_odds(quality, weights):
+    """Logarithm of the odds that a walked outline is a true ellipse."""
     minor, coverage = quality[MINOR], quality[COVERAGE]
-    evidence = (
-        17.9 * coverage
-        - 7.8 * coverage * coverage  # the last gaps matter less than the first ones
-        + 1.65 * np.log(min(max(quality[SUPPORT], 1.0), 300.0))
-        + 1.35 * np.log(min(max(quality[TURN], 0.05), 1.0))  # flat sides alone prove little
-        + 1.75 * quality[VISIBLE]
-        + 1.5 * quality[CHAIN]
-        + np.log(1 + quality[PIECES])  # edges that agree without being connected
-        + 1.1 * np.log(min(minor, 40.0))
-        - 6.8 * quality[CLUTTER]
-        - 11.0 * quality[DIRECTION]
-        - 9.0 * quality[ERROR] / np.sqrt(1 + minor / 30)
-        - 19.3
+    return (
+        weights.coverage * coverage
+        - weights.coverage_squared * coverage * coverage  # the last gaps matter less than the first ones
+        + weights.support * np.log(min(max(quality[SUPPORT], 1.0), 300.0))
+        + weights.turn * np.log(min(max(quality[TURN], 0.05), 1.0))  # flat sides alone prove little
+        + weights.visible * quality[VISIBLE]
+        + weights.chain * quality[CHAIN]
+        + weights.pieces * np.log(1 + quality[PIECES])  # edges that agree without being connected
+        + weights.minor * np.log(min(minor, 40.0))
+        - weights.clutter * quality[CLUTTER]
+        - weights.direction * quality[DIRECTION]
+        - weights.error * quality[ERROR] / np.sqrt(1 + minor / 30)
+        - weights.constant
     )
-    return 1 / (1 + np.exp(-evidence))
 
 
 @njit(cache=True)
-def in_context(score, concentric):  # type: ignore[no-untyped-def]
-    """The score of an ellipse that has a concentric neighbour with the score ``concentric``, 0 for none.
-
-    The weight was fitted to the 'tune' drawings.
-    """
-    return score / (score + (1 - score) * np.exp(-2.5 * concentric))
+def in_context(score, concentric, weights):
+    """The score of an ellipse that has a concentric neighbour with the score ``concentric``, 0 for none."""
+    return score / (score + (1 - score) * np.exp(-weights.concentric * concentric))
 
 
 Array = NDArray[np.float64]
@@ -172,7 +195,7 @@ def concentric_support(ps: Array, scores: Array) -> Array:
 
 
 @njit(cache=True)
-def _shapes(ps):  # type: ignore[no-untyped-def]
+def _shapes(ps):
     """(S, 6) centre, semi-minor axis, geometric mean of the semi-axes, and flatness along the doubled angle."""
     shapes = np.empty((len(ps), 6))
     for k in range(len(ps)):
@@ -183,7 +206,7 @@ def _shapes(ps):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _are_concentric(a, b):  # type: ignore[no-untyped-def]
+def _are_concentric(a, b):
     """Whether two ellipses (rows of :func:`_shapes`) have one centre and one shape, and different sizes."""
     apart = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2
     if apart > (_MAX_ECCENTRICITY * min(a[2], b[2])) ** 2:
@@ -193,7 +216,7 @@ def _are_concentric(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _concentric_support(ps, scores):  # type: ignore[no-untyped-def]
+def _concentric_support(ps, scores):
     shapes, best = _shapes(ps), np.zeros(len(ps))
     for i in range(len(ps)):
         for j in range(len(ps)):

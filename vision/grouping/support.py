@@ -49,7 +49,7 @@ class EdgeArrays(NamedTuple):
 
 
 @njit(cache=True)
-def axes(p):  # type: ignore[no-untyped-def]
+def axes(p):
     """Centre, semi-axes, and direction of the major axis of the focal parameters p."""
     dx, dy = 0.5 * (p[0] - p[2]), 0.5 * (p[1] - p[3])
     focal = norm2(dx, dy)
@@ -60,7 +60,7 @@ def axes(p):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _nearest_edge(edges, used, bx, by, nx, ny, tolerance, agreement):  # type: ignore[no-untyped-def]
+def _nearest_edge(edges, used, bx, by, nx, ny, tolerance, agreement):
     """Number of an unused edge point that lies across the outline at a boundary point, or -1; nearest first."""
     number_at, points, gradients = edges.number_at, edges.points, edges.gradients
     for step in range(2 * int(np.ceil(tolerance)) + 1):
@@ -74,7 +74,7 @@ def _nearest_edge(edges, used, bx, by, nx, ny, tolerance, agreement):  # type: i
 
 
 @njit(cache=True)
-def gather(p, edges, used, tolerance, agreement, max_steps, hits):  # type: ignore[no-untyped-def]
+def gather(p, edges, used, tolerance, agreement, max_steps, hits):
     """Walk the outline of p; write the supporting edge point of every step (or -1, -2) and return the steps."""
     height, width = edges.number_at.shape
     cx, cy, major, minor, cos, sin = axes(p)
@@ -97,13 +97,13 @@ def gather(p, edges, used, tolerance, agreement, max_steps, hits):  # type: igno
 
 
 @njit(cache=True)
-def _wrapped(k, steps):  # type: ignore[no-untyped-def]
+def _wrapped(k, steps):
     """The number k modulo steps, for k below 2 steps, without the division."""
     return k - steps if k >= steps else k
 
 
 @njit(cache=True)
-def _bridge(hits, steps, chain, used, reach):  # type: ignore[no-untyped-def]
+def _bridge(hits, steps, chain, used, reach):
     """Fill holes of one or two steps between points of one chain that are at most ``reach`` points a step apart.
 
     Where the outline runs diagonally its normals slip through between two pixels that touch with their corners only,
@@ -124,7 +124,7 @@ def _bridge(hits, steps, chain, used, reach):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def drop_short_runs(hits, steps, min_run):  # type: ignore[no-untyped-def]
+def drop_short_runs(hits, steps, min_run):
     """Forget supported steps in circular runs shorter than min_run; single holes do not end a run."""
     start = 0
     while start < steps and hits[start] >= 0:
@@ -147,7 +147,7 @@ def drop_short_runs(hits, steps, min_run):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _weighted_rows(p, points, hits, steps, rows):  # type: ignore[no-untyped-def]
+def _weighted_rows(p, points, hits, steps, rows):
     """Write a column of ``rows`` (6, N) for every supporting point, and return how many.
 
     It holds the derivatives of the distance by p, and the distance taken negative, both weighted.
@@ -171,7 +171,7 @@ def _weighted_rows(p, points, hits, steps, rows):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True)
-def refine(p, edges, hits, steps, iterations):  # type: ignore[no-untyped-def]
+def refine(p, edges, hits, steps, iterations):
     """Damped Gauss-Newton steps on the distances of the supporting points, outliers weighed down; in place."""
     matrix, right, rows = np.zeros((5, 5)), np.zeros(5), np.empty((6, steps))
     for _ in range(iterations):
@@ -189,7 +189,7 @@ def refine(p, edges, hits, steps, iterations):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def supported_share(hits, steps):  # type: ignore[no-untyped-def]
+def supported_share(hits, steps):
     """Share of supported steps among those inside the image."""
     supported, visible = 0, 0
     for k in range(steps):

@@ -6,13 +6,25 @@ The Kalman filter (ellipse_filter.py) has the last word on the few ellipses that
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from vision.geometry.focal_form import signed_distance
 from vision.grouping.hypotheses import MIN_SEMI_MINOR_PX, Representatives
-from vision.grouping.score import COVERAGE, ERROR, QUALITIES, SCORE, VISIBLE, assess, concentric_support, in_context
+from vision.grouping.score import (
+    COVERAGE,
+    ERROR,
+    QUALITIES,
+    SCORE,
+    VISIBLE,
+    ScoreWeights,
+    assess,
+    concentric_support,
+    in_context,
+)
 from vision.grouping.support import (
     MAX_STEPS,
     NOTHING,
@@ -26,7 +38,28 @@ from vision.grouping.support import (
 
 Array = NDArray[np.float64]
 
-Limits = tuple[float, float, float, float, float, float, float]
+
+class EllipseLimits(NamedTuple):
+    """What an ellipse must reach, and when an edge point supports it.
+
+    Attributes:
+        tolerance_px: largest distance of a supporting edge point.
+        agreement: least cosine between its gradient and the normal of the ellipse.
+        min_score: least score.
+        min_coverage: least share of the circumference that edges support.
+        max_error_px: largest root mean square distance of the supporting points.
+        min_semi_major_px: smallest semi-major axis.
+        max_semi_major_px: largest one.
+    """
+
+    tolerance_px: float
+    agreement: float
+    min_score: float
+    min_coverage: float
+    max_error_px: float
+    min_semi_major_px: float
+    max_semi_major_px: float
+
 
 MIN_VISIBLE = 0.35  # of the circumference inside the image
 GLANCE_STEPS, REFINE_STEPS = 24, 64
@@ -35,7 +68,7 @@ UNKNOWN = -1
 
 
 @njit(cache=True)
-def _explains(p, points, tolerance):  # type: ignore[no-untyped-def]
+def _explains(p, points, tolerance):
     """Whether a fragment, by its representative points (16, 2), lies on the ellipse p."""
     misses = 0
     for k in range(len(points)):
@@ -47,7 +80,7 @@ def _explains(p, points, tolerance):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _is_explained(group, ps, count, rep_points, tolerance, explained):  # type: ignore[no-untyped-def]
+def _is_explained(group, ps, count, rep_points, tolerance, explained):
     """Whether one of the first ``count`` ellipses explains all fragments of a group.
 
     ``explained`` (S, F) remembers what is asked: 1 for yes, 0 for no.
@@ -66,7 +99,7 @@ def _is_explained(group, ps, count, rep_points, tolerance, explained):  # type: 
 
 
 @njit(cache=True)
-def _settle(p, edges, used, tolerance, agreement, min_share, hits):  # type: ignore[no-untyped-def]
+def _settle(p, edges, used, tolerance, agreement, min_share, hits):
     """Alternate gathering and refining while the tolerance narrows, in place; False when support is lost."""
     for widen in (1.5, 0.5, 0.0):
         steps = gather(p, edges, used, tolerance + widen, agreement, REFINE_STEPS, hits)
@@ -76,14 +109,12 @@ def _settle(p, edges, used, tolerance, agreement, min_share, hits):  # type: ign
 
 
 @njit(cache=True)
-def search(  # type: ignore[no-untyped-def]
-    ps, groups, edges, rep_points, limits, max_attempts, out_ps, out_quality
-):
+def search(ps, groups, edges, rep_points, limits, weights, max_attempts, out_ps, out_quality):
     """Refine and verify hypotheses, best first; write the survivors and return their number.
 
     A pair of fragments that both lie on a survivor has nothing new to say and is skipped.
     """
-    tolerance, agreement, min_score, min_coverage, max_error, min_major, max_major = limits
+    tolerance, agreement, min_coverage = limits.tolerance_px, limits.agreement, limits.min_coverage
     n, fragments = len(ps), len(rep_points)
     hits = np.empty(MAX_STEPS, np.int64)
     used = np.zeros(len(edges.points), np.bool_)
@@ -104,14 +135,14 @@ def search(  # type: ignore[no-untyped-def]
         attempts += 1
         if not _settle(p, edges, used, tolerance, agreement, 1.2 * min_coverage, hits):
             continue
-        if not 2 * min_major <= p[4] <= 2 * max_major or axes(p)[3] < MIN_SEMI_MINOR_PX:
+        if not 2 * limits.min_semi_major_px <= p[4] <= 2 * limits.max_semi_major_px or axes(p)[3] < MIN_SEMI_MINOR_PX:
             continue
         steps = gather(p, edges, used, tolerance, agreement, MAX_STEPS, hits)
         drop_short_runs(hits, steps, max(4, steps // 40))
-        assess(p, edges, hits, steps, counts, quality)
-        if quality[COVERAGE] < min_coverage or quality[ERROR] > max_error or quality[VISIBLE] < MIN_VISIBLE:
+        assess(p, edges, hits, steps, weights, counts, quality)
+        if quality[COVERAGE] < min_coverage or quality[ERROR] > limits.max_error_px or quality[VISIBLE] < MIN_VISIBLE:
             continue
-        if quality[SCORE] < PROSPECT * min_score:
+        if quality[SCORE] < PROSPECT * limits.min_score:
             continue
         out_quality[found] = quality
         explained[found] = UNKNOWN
@@ -120,9 +151,9 @@ def search(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def select(ps, order, concentric, edges, limits, out_hits, out_steps, out_quality):  # type: ignore[no-untyped-def]
+def select(ps, order, concentric, edges, limits, weights, out_hits, out_steps, out_quality):
     """Give every edge point to the best ellipse that wants it; return the numbers of those that keep enough."""
-    tolerance, agreement, min_score, min_coverage, max_error, _, _ = limits
+    tolerance, agreement, min_coverage = limits.tolerance_px, limits.agreement, limits.min_coverage
     used, counts = np.zeros(len(edges.points), np.bool_), np.zeros(len(edges.chain_points), np.int64)
     chosen = [0]
     for h in order:
@@ -130,9 +161,11 @@ def select(ps, order, concentric, edges, limits, out_hits, out_steps, out_qualit
         hits, quality = out_hits[row], out_quality[row]
         steps = gather(ps[h], edges, used, tolerance, agreement, MAX_STEPS, hits)
         drop_short_runs(hits, steps, max(4, steps // 40))
-        assess(ps[h], edges, hits, steps, counts, quality)
-        quality[SCORE] = in_context(quality[SCORE], concentric[h])
-        if quality[COVERAGE] < min_coverage or quality[ERROR] > max_error or quality[SCORE] < min_score:
+        assess(ps[h], edges, hits, steps, weights, counts, quality)
+        quality[SCORE] = in_context(quality[SCORE], concentric[h], weights)
+        if quality[COVERAGE] < min_coverage or quality[ERROR] > limits.max_error_px:
+            continue
+        if quality[SCORE] < limits.min_score:
             continue
         out_steps[row] = steps
         chosen.append(h)
@@ -147,7 +180,8 @@ def verify_hypotheses(
     groups: NDArray[np.int64],
     edges: EdgeArrays,
     points: Representatives,
-    limits: Limits,
+    limits: EllipseLimits,
+    weights: ScoreWeights,
     max_attempts: int,
 ) -> tuple[Array, Array]:
     """Refine and verify hypotheses.
@@ -157,21 +191,21 @@ def verify_hypotheses(
         groups: (G, 2) their fragments.
         edges: of the image.
         points: representatives of all fragments.
-        limits: tolerance in pixels, least cosine between gradient and normal, least score, least coverage,
-            largest error in pixels, smallest and largest semi-major axis in pixels.
+        limits: what they must reach.
+        weights: of the score.
         max_attempts: only so many of the most promising hypotheses are refined in vain, which bounds the time in
             clutter.
 
     Returns:
-        (S, 5) refined focal parameters and (S, 11) quality (columns: see ``ellipse_score.py``).
+        (S, 5) refined focal parameters and (S, 11) quality (columns: see ``score.py``).
     """
     out_ps, out_quality = np.zeros((len(ps) + 1, 5)), np.zeros((len(ps) + 1, QUALITIES))
-    found = search(ps, groups, edges, points.points, limits, max_attempts, out_ps, out_quality)
+    found = search(ps, groups, edges, points.points, limits, weights, max_attempts, out_ps, out_quality)
     return out_ps[:found], out_quality[:found]
 
 
 def select_survivors(
-    ps: Array, scores: Array, edges: EdgeArrays, limits: Limits
+    ps: Array, scores: Array, edges: EdgeArrays, limits: EllipseLimits, weights: ScoreWeights
 ) -> tuple[NDArray[np.int64], list[NDArray[np.int64]], Array]:
     """Let survivors compete for edge points, so that duplicates and parasites of better ellipses go.
 
@@ -180,16 +214,17 @@ def select_survivors(
         scores: (S,) what each of them scores by itself.
         edges: of the image.
         limits: as in :func:`verify_hypotheses`.
+        weights: of the score.
 
     Returns:
         Numbers of the K ellipses that are left, for each the numbers of its edge points along the outline, and
         their (K, 11) quality.
     """
     concentric = concentric_support(ps, scores)
-    order = np.argsort(-in_context(scores, concentric), kind="stable")
+    order = np.argsort(-in_context(scores, concentric, weights), kind="stable")
     hits = np.full((len(order) + 1, MAX_STEPS), NOTHING, np.int64)
     steps, quality = np.zeros(len(order) + 1, np.int64), np.zeros((len(order) + 1, QUALITIES))
-    chosen = select(ps, order, concentric, edges, limits, hits, steps, quality)
+    chosen = select(ps, order, concentric, edges, limits, weights, hits, steps, quality)
     numbers = [_ordered_unique(hits[k, : steps[k]]) for k in range(len(chosen))]
     return chosen, numbers, quality[: len(chosen)]
 

@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.extraction import Arc
-from vision.geometry.camera import View
+from vision.geometry.camera import CameraArrays, View
 from vision.geometry.workspace import Workspace
 from vision.model.solid import OUTLINE_SHARE
 from vision.model.vision_model import SalientCircles
@@ -35,7 +35,7 @@ LARGEST_RESIDUAL_PX = 1.5
 def arc_poses(
     arcs: Sequence[Sequence[Arc]],
     views: Sequence[View],
-    cameras: tuple[Array, Array],
+    cameras: CameraArrays,
     circles: SalientCircles,
     workspace: Workspace,
 ) -> tuple[Array, Indices]:
@@ -44,7 +44,7 @@ def arc_poses(
     Args:
         arcs: of every view.
         views: with distortion-free lenses.
-        cameras: their arrays, see :func:`vision.geometry.camera.camera_arrays`.
+        cameras: of the views.
         circles: the model's salient circles.
         workspace: where parts can be; its z axis points up.
 
@@ -61,9 +61,9 @@ def arc_poses(
             points, inwards = np.ascontiguousarray(arc.points[::stride]), arc.inwards[::stride]
             middle = np.array([points.mean(axis=0), np.median(points, axis=0), np.median(inwards, axis=0)])
             for k in outlines:
-                circle = (circles.height[k], circles.side[k], circles.radius[k])
-                started = _starts(middle, T_world_camera, cameras[1][v], circle, heights)
-                good = _fit_arc(started, points, cameras[0][v], cameras[1][v], circle)
+                circle, intrinsics = circles.circle(k), cameras.intrinsics[v]
+                started = _starts(middle, T_world_camera, intrinsics, circle, heights)
+                good = _fit_arc(started, points, cameras.T_camera_world[v], intrinsics, circle)
                 poses.append(started[good])
                 seeds.append(np.full((int(good.sum()), 3), (v, -1, k), np.intp))
     found, seed = np.concatenate(poses), np.concatenate(seeds)
@@ -72,18 +72,18 @@ def arc_poses(
 
 
 @njit(cache=True)
-def _starts(middle, T_world_camera, intrinsics, circle, heights):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _starts(middle, T_world_camera, intrinsics, circle, heights):
     """(H, 4, 4) poses of flat lying parts at several heights whose circle passes through the middle of an arc.
 
     Args:
         middle: (3, 2) mean and median of the arc's points, median of its normals.
         T_world_camera: (4, 4).
         intrinsics: fx, fy, cx, cy.
-        circle: height, side, radius.
+        circle: see :class:`vision.model.vision_model.CoaxialCircle`.
         heights: (H,) of the circle's centre in the world.
     """
     fx, fy, cx, cy = intrinsics
-    height, side, radius = circle
+    height, side, radius = circle.height, circle.side, circle.radius
     T, poses = T_world_camera, np.zeros((len(heights), 4, 4))
     down = T[2, 0] * (middle[0, 0] - cx) / fx + T[2, 1] * (middle[0, 1] - cy) / fy + T[2, 2]
     for i in range(len(heights)):
@@ -100,9 +100,8 @@ def _starts(middle, T_world_camera, intrinsics, circle, heights):  # type: ignor
 
 
 @njit(cache=True)
-def _fit_arc(poses, points, T_camera_world, intrinsics, circle):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _fit_arc(poses, points, T_camera_world, intrinsics, circle):
     """Fit poses to an arc in place, held by the priors on tilt and depth; False where it does not fit."""
-    height, side, radius = circle
     n = len(points)
     rows, residuals, good = np.empty((n, 6)), np.empty(n), np.ones(len(poses), np.bool_)
     for i in range(len(poses)):
@@ -119,7 +118,7 @@ def _fit_arc(poses, points, T_camera_world, intrinsics, circle):  # type: ignore
         count = 0
         for _ in range(ITERATIONS):
             T = T_camera_world @ pose
-            count = rows_of_circle(T, T_camera_world, intrinsics, points, (height, radius), rows, residuals, 0)
+            count = rows_of_circle(T, T_camera_world, intrinsics, points, circle, rows, residuals, 0)
             if count < n // 2:
                 break
             N, g = np.zeros((6, 6)), np.zeros(6)
@@ -145,11 +144,11 @@ def _fit_arc(poses, points, T_camera_world, intrinsics, circle):  # type: ignore
                 turned[a] += step[3 + a]
             turn_and_move(pose, step)
         spread = np.median(np.abs(residuals[:count])) if count >= n // 2 else np.inf
-        good[i] = spread < LARGEST_RESIDUAL_PX and side * _facing(T_camera_world @ pose) < 0
+        good[i] = spread < LARGEST_RESIDUAL_PX and circle.side * _facing(T_camera_world @ pose) < 0
     return good
 
 
 @njit(cache=True)
-def _facing(T):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _facing(T):
     """Negative where the part's z axis points towards the camera."""
     return T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3]

@@ -16,11 +16,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.features import EllipseFeature
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View, camera_arrays
 from vision.geometry.circle import circle_candidates, plane_axes
 from vision.geometry.ellipse import conic_matrices
 from vision.geometry.workspace import Workspace
-from vision.matching.votes import EllipseTable, votes_of
+from vision.matching.votes import EllipseTable, count_votes
 from vision.model.vision_model import SalientCircles, VisionModel
 
 Array = NDArray[np.float64]
@@ -32,6 +33,7 @@ PARALLEL_RAD = np.radians(8.0)
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Candidates:
     """Candidate poses up to the rotation about the part's axis.
 
@@ -76,7 +78,7 @@ class Candidates:
 
 
 @njit(cache=True)
-def _distinct(origin, axis, near_m, parallel, preferred):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def _distinct(origin, axis, near_m, parallel, preferred):
     """Which candidates (N,) are not alike one kept before them; those kept are preferred where any like them is."""
     kept, alike = np.ones(len(origin), np.bool_), preferred.copy()
     for i in range(len(origin)):
@@ -105,9 +107,9 @@ def find_candidates(
         keep = workspace.contains(origin, margin_m=0.25 * model.diameter_m)
         origin, axis, seed = origin[keep], axis[keep], seed[keep]
     table = EllipseTable.of(features)
-    votes, matches = votes_of(poses_of(origin, axis), camera_arrays(views), salient.arrays, table)
+    votes, matches = count_votes(poses_of(origin, axis), camera_arrays(views), salient, table)
     taught = [f.extractor for f in model.salient]
-    preferred = np.array([features[v][m].process == taught[k] for v, m, k in seed], dtype=bool)
+    preferred = np.array([features[v][m].extractor == taught[k] for v, m, k in seed], dtype=bool)
     order = np.argsort(-votes, kind="stable")
     return Candidates(origin, axis, votes, matches, seed, preferred).take(order)
 

@@ -10,9 +10,7 @@ from vision.model.projection import chain, is_covered, list_inside, project_samp
 
 
 @njit(cache=True, error_model="numpy")
-def tally_support(  # type: ignore[no-untyped-def]
-    poses, cameras, samples, edges, reach_px, total, count
-):  # pragma: no cover - compiled
+def tally_support(poses, cameras, samples, edges, reach_px, total, count):
     """Add the edge support of each circle's samples to ``total`` and their number to ``count``.
 
     The same as :meth:`ModelContour.project` followed by :meth:`vision.edges.edge_field.EdgeField.support`, in one
@@ -20,10 +18,9 @@ def tally_support(  # type: ignore[no-untyped-def]
 
     Args:
         poses: (N, 4, 4) T_world_part.
-        cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
+        cameras: of the views, see :class:`vision.geometry.camera.CameraArrays`.
         samples: of a contour, see :class:`vision.model.projection.ContourSamples`.
-        edges: distance (V, H, W), infinite where edges have been claimed, direction (V, H, W, 2), and the depth
-            beyond which parts already found hide what is there, by blocks of pixels.
+        edges: of the views, see :class:`vision.edges.edge_field.StackedEdges`.
         reach_px: tolerance.
         total: (N, V, C) added to.
         count: (N, V, C, 2) added to: the samples that nothing known hides, and all that face the camera.
@@ -31,24 +28,23 @@ def tally_support(  # type: ignore[no-untyped-def]
     size = len(samples.circle)
     image, shown, pixel = np.empty((5, size)), np.empty(size, np.bool_), np.empty((2, size), np.int32)
     listed, near = np.empty(size, np.intp), np.empty(size, np.intp)
-    T_camera_world, intrinsics = cameras
     T = np.empty((4, 4))
-    for v in range(len(intrinsics)):
-        distance, direction, cover = edges[0][v], edges[1][v], edges[2][v]
+    for v in range(len(cameras.intrinsics)):
+        distance, direction, cover = edges.distance[v], edges.direction[v], edges.cover[v]
         height, width = distance.shape
         for n in range(len(poses)):
-            chain(T_camera_world[v], poses[n], T)
-            project_samples(T, intrinsics[v], samples, image, shown)
+            chain(cameras.T_camera_world[v], poses[n], T)
+            project_samples(T, cameras.intrinsics[v], samples, image, shown)
             inside = listed[: list_inside(image, shown, width, height, pixel, listed)]
             close = near[: _count(samples, image, pixel, inside, distance, cover, reach_px, count[n, v], near)]
             for i in close:
                 column, line = pixel[0, i], pixel[1, i]
-                edge = (distance[line, column], direction[line, column, 0], direction[line, column, 1])
-                total[n, v, samples.circle[i]] += _support(edge, image[3, i], image[4, i], reach_px)
+                along = direction[line, column, 0] * image[3, i] + direction[line, column, 1] * image[4, i]
+                total[n, v, samples.circle[i]] += _support(distance[line, column], along, reach_px)
 
 
 @njit(cache=True, error_model="numpy")
-def _count(samples, image, pixel, inside, distance, cover, reach_px, count, near):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def _count(samples, image, pixel, inside, distance, cover, reach_px, count, near):
     """Count samples circle by circle; write those with an edge near them to ``near``, and return how many."""
     found = 0
     for i in inside:
@@ -62,28 +58,34 @@ def _count(samples, image, pixel, inside, distance, cover, reach_px, count, near
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _support(edge, nx, ny, reach_px):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
-    """Support of a sample by an edge in reach: the nearer, and the more it runs along the contour, the better."""
-    distance, direction_x, direction_y = edge
+def _support(distance, along, reach_px):
+    """Support of a sample by an edge in reach: the nearer, and the more it runs along the contour, the better.
+
+    Args:
+        distance: pixels from the sample to the edge.
+        along: cosine between the edge's gradient and the contour's normal.
+        reach_px: tolerance.
+    """
     nearness = (reach_px - distance) / (reach_px - 1.0)
-    share = (abs(direction_x * nx + direction_y * ny) - LOOSEST_ALIGNMENT) / (FULL_ALIGNMENT - LOOSEST_ALIGNMENT)
+    share = (abs(along) - LOOSEST_ALIGNMENT) / (FULL_ALIGNMENT - LOOSEST_ALIGNMENT)
     return min(nearness, 1.0) * min(max(share, 0.0), 1.0)
 
 
 @njit(cache=True, error_model="numpy")
-def claim_edges(T, intrinsics, samples, edges, reach_px, least, width_px):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def claim_edges(T, intrinsics, samples, edges, view, reach_px, least, width_px):
     """Claim the edges in one view that support the samples of a posed contour.
 
     Args:
         T: (4, 4) T_camera_part.
         intrinsics: fx, fy, cx, cy.
         samples: of the contour.
-        edges: distance (H, W), direction (H, W, 2), claimed (H, W) bool; the first and the last are written to.
+        edges: of all views; what is claimed is written to ``distance`` and ``claimed``.
+        view: the number of the view.
         reach_px: tolerance.
         least: support of a sample from which its edge is claimed.
         width_px: how far around such a sample.
     """
-    distance, direction, claimed = edges
+    distance, direction, claimed = edges.distance[view], edges.direction[view], edges.claimed[view]
     height, width = distance.shape
     size = len(samples.circle)
     image, shown, mine = np.empty((5, size)), np.empty(size, np.bool_), np.empty((size, 2), np.intp)
@@ -95,9 +97,9 @@ def claim_edges(T, intrinsics, samples, edges, reach_px, least, width_px):  # ty
             continue
         u, v = int(x), int(y)
         if distance[v, u] < reach_px:
-            edge = (distance[v, u], direction[v, u, 0], direction[v, u, 1])
+            along = direction[v, u, 0] * image[3, i] + direction[v, u, 1] * image[4, i]
             mine[count, 0], mine[count, 1] = u, v
-            count += _support(edge, image[3, i], image[4, i], reach_px) > least
+            count += _support(distance[v, u], along, reach_px) > least
     for u, v in mine[:count]:
         for y in range(max(v - width_px, 0), min(v + width_px + 1, height)):
             for x in range(max(u - width_px, 0), min(u + width_px + 1, width)):
@@ -105,7 +107,7 @@ def claim_edges(T, intrinsics, samples, edges, reach_px, least, width_px):  # ty
 
 
 @njit(cache=True)
-def share_claimed(claimed, points):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def share_claimed(claimed, points):
     """Share of points (N, 2) in pixels that lie on claimed edges (H, W)."""
     height, width = claimed.shape
     count = 0

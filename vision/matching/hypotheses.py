@@ -1,4 +1,7 @@
-"""Pose hypotheses: made from candidates or from arcs, aligned to the edges, and kept as arrays with their support."""
+"""Pose hypotheses: made from candidates or from arcs, aligned to the edges, and kept as arrays with their support.
+
+A candidate is one reading of one ellipse; it becomes a hypothesis when the edges of all views have had their say.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.extraction import Arc
+from vision.frozen import frozen_arrays
 from vision.geometry.workspace import Workspace
 from vision.matching.arcs import MOST_UNEXPLAINED, arc_poses
 from vision.matching.candidates import Candidates
 from vision.matching.parameters import MatchingParameters
 from vision.matching.scene_edges import Evidence, SceneEdges
-from vision.matching.votes import EllipseTable, votes_of
+from vision.matching.votes import EllipseTable, count_votes
 from vision.model.contour import ModelContour
 from vision.model.solid import share_inside
 from vision.model.vision_model import SalientCircles
@@ -26,6 +30,7 @@ Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class HypothesisPool:
     """N hypotheses.
 
@@ -96,8 +101,8 @@ DEPTH_PRIOR = 2.0  # support that a relative change of depth by one must gain
 CLASHING_SHARE = 0.2  # of the outlines inside another part
 
 
-class Development:
-    """Develops candidates of one model in one scene."""
+class HypothesisGenerator:
+    """Makes hypotheses about one model in one scene."""
 
     def __init__(
         self, scene: SceneEdges, circles: SalientCircles, contour: ModelContour, parameters: MatchingParameters
@@ -127,21 +132,22 @@ class Development:
         chosen = dict.fromkeys([*by_votes.tolist(), *by_edges.tolist()])
         return np.array([i for i in chosen if i not in hopeless], dtype=np.intp)
 
-    def of_candidates(self, candidates: Candidates, table: EllipseTable) -> HypothesisPool:
+    def from_candidates(self, candidates: Candidates, table: EllipseTable) -> HypothesisPool:
         """Refine candidates on their matched ellipses, match again, and weigh their circles about the axis."""
-        poses, matches = candidates.poses(), candidates.matches
-        cameras, circles = self.scene.cameras, self.circles.arrays
+        # A copy, for the compiled loops take read-only arrays for another type, and would be compiled twice.
+        poses, matches = candidates.poses(), candidates.matches.copy()
+        cameras, circles = self.scene.cameras, self.circles
         good = np.ones(len(poses), bool)
         for _ in range(2):
-            good &= align_on_ellipses(poses, matches, cameras, circles, table.arrays, 3)
-            matches = votes_of(poses, cameras, circles, table)[1]
+            good &= align_on_ellipses(poses, matches, cameras, circles, table, 3)
+            matches = count_votes(poses, cameras, circles, table)[1]
         good &= (matches >= 0).any(axis=(1, 2))
         poses, matches, seed = poses[good], matches[good], candidates.seed[good]
         if self.parameters.joint_edges:
             poses = self._aligned_on_rims(self._at_best_depth(poses, seed))
         return self._pool(poses, matches, seed)
 
-    def of_arcs(
+    def from_arcs(
         self,
         arcs: Sequence[Sequence[Arc]],
         workspace: Workspace,
@@ -159,7 +165,7 @@ class Development:
         best = np.argsort(-self._loose_support(poses), kind="stable")[: self.parameters.candidates]
         poses, seed = poses[best], seed[best]
         poses = self._aligned_on_rims(self._at_best_depth(poses, seed))
-        return self._pool(poses, votes_of(poses, self.scene.cameras, self.circles.arrays, table)[1], seed)
+        return self._pool(poses, count_votes(poses, self.scene.cameras, self.circles, table)[1], seed)
 
     def supported_by_others(self, T_world_part: Array, view: int, *, inplane: bool) -> Array:
         """A pose that one view alone supports, moved along its line of sight to where the other views agree best.

@@ -1,4 +1,20 @@
-"""Two-phase matching of a vision model against a scene (Section 6): hypotheses, confirmation, refinement."""
+"""Two-phase matching of a vision model against a scene (Section 6).
+
+It reads::
+
+    candidates = every ellipse of every view, read as every salient circle
+    for minimum in minimum_scores:                  # from sure to doubtful
+        hypotheses += the promising candidates, developed on the edges of all views
+                                                    # in the first round those of the taught extractor alone
+        while the best hypothesis reaches the minimum:
+            settle its turn about the axis by the supporting features
+            refine it on the edges, or on its ellipses where those are too few
+            if it still stands, where no known part lies:
+                accept it: it claims its edges and hides what is behind it
+                weigh the hypotheses near it again, without these edges
+        candidates -= those tried, and those where a part was found
+    once more, for the arcs where no ellipse is left
+"""
 
 from __future__ import annotations
 
@@ -15,7 +31,7 @@ from vision.features import EllipseFeature
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace
 from vision.matching.candidates import Candidates, find_candidates
-from vision.matching.hypotheses import CLASHING_SHARE, Development, HypothesisPool
+from vision.matching.hypotheses import CLASHING_SHARE, HypothesisGenerator, HypothesisPool
 from vision.matching.parameters import MatchingParameters
 from vision.matching.scene_edges import Evidence, SceneEdges
 from vision.matching.votes import EllipseTable
@@ -54,7 +70,7 @@ class Matcher:
         self.views, self.model, self.workspace = views, model, workspace
         self.parameters = parameters or MatchingParameters()
         self.circles = SalientCircles.of(model)
-        self.scene = SceneEdges(views, fields)
+        self.scene = SceneEdges(views, fields, self.parameters.confirmation)
 
     def match(self, features: Features, arcs: Sequence[Sequence[Arc]] = ()) -> list[PoseEstimate]:
         """All instances of the part that the features and the edges support, best first.
@@ -67,23 +83,23 @@ class Matcher:
         candidates = candidates.distinct(self.model.diameter_m)
         table = EllipseTable.of(features)
         contour = self._contour(candidates)
-        development = Development(self.scene, self.circles, contour, self.parameters)
+        generator = HypothesisGenerator(self.scene, self.circles, contour, self.parameters)
         self.scene.forget_claims()
         accepted: list[PoseEstimate] = []
         pool = HypothesisPool.empty(len(self.views), len(self.circles.radius))
         for number, minimum_score in enumerate(self.parameters.minimum_scores):
             # The taught strategy goes first; afterwards one extractor makes good what the other has lost.
             allowed = candidates.preferred if number == 0 else np.ones(len(candidates), bool)
-            chosen = development.promising(candidates, allowed)
-            pool = pool.joined(development.of_candidates(candidates.take(chosen), table))
-            found, pool = self._accept(pool, minimum_score, features, development, accepted)
+            chosen = generator.promising(candidates, allowed)
+            pool = pool.joined(generator.from_candidates(candidates.take(chosen), table))
+            found, pool = self._accept(pool, minimum_score, features, generator, accepted)
             accepted += found
             candidates = self._untried(candidates, chosen, accepted)
         if any(map(len, arcs)) and self.workspace is not None:
             known = [e.T_world_part.as_matrix() for e in accepted]
-            pool = pool.joined(development.of_arcs(arcs, self.workspace, table, known))
+            pool = pool.joined(generator.from_arcs(arcs, self.workspace, table, known))
             least = self.parameters.minimum_scores[-1]
-            accepted += self._accept(pool, least, features, development, accepted)[0]
+            accepted += self._accept(pool, least, features, generator, accepted)[0]
         return sorted(accepted, key=lambda e: -e.score)
 
     def _untried(
@@ -112,7 +128,7 @@ class Matcher:
         pool: HypothesisPool,
         minimum_score: float,
         features: Features,
-        development: Development,
+        generator: HypothesisGenerator,
         known: Sequence[PoseEstimate],
     ) -> tuple[list[PoseEstimate], HypothesisPool]:
         """Greedily accept the best supported hypothesis, let it claim its edges, and weigh the rest again.
@@ -121,14 +137,14 @@ class Matcher:
             The accepted poses, and the hypotheses that are left.
         """
         accepted: list[PoseEstimate] = []
-        contour = development.contour
+        contour = generator.contour
         while len(pool):
             best = int(np.argmax(pool.standing))
             if pool.standing[best] < minimum_score:
                 break
             chosen, pool = pool.take(np.array([best])), pool.take(np.arange(len(pool)) != best)
             if not chosen.turned[0]:
-                pool = pool.joined(self._turn(chosen, development))
+                pool = pool.joined(self._turn(chosen, generator))
                 continue
             final = self._finish(chosen, features, contour)
             if final is None or not self._stands(final, minimum_score, [*known, *accepted]):
@@ -151,20 +167,20 @@ class Matcher:
             np.linalg.norm(origin - other.T_world_part.translation) > separation for other in known
         )
 
-    def _turn(self, hypothesis: HypothesisPool, development: Development) -> HypothesisPool:
+    def _turn(self, hypothesis: HypothesisPool, generator: HypothesisGenerator) -> HypothesisPool:
         """Settle the rotation about the axis by the supporting features, which then count as well."""
         yes = np.ones(1, bool)
         fold = self.model.symmetry_fold
         if fold is None:
             return replace(hypothesis, turned=yes)
-        T, known = self.scene.find_inplane(hypothesis.poses[0], development.contour, fold)
-        evidence = self.scene.evidence(T[None], development.contour)
+        T, known = self.scene.find_inplane(hypothesis.poses[0], generator.contour, fold)
+        evidence = self.scene.evidence(T[None], generator.contour)
         least, most = self.parameters.doubtful_scores
         if least < evidence.score[0] < most:
-            T, evidence = self._better(T, evidence, development.aligned(T, inplane=known), development.contour)
+            T, evidence = self._better(T, evidence, generator.aligned(T, inplane=known), generator.contour)
         if evidence.views[0] == 1 < len(self.views):
-            moved = development.supported_by_others(T, int(hypothesis.seed[0, 0]), inplane=known)
-            T, evidence = self._better(T, evidence, moved, development.contour)
+            moved = generator.supported_by_others(T, int(hypothesis.seed[0, 0]), inplane=known)
+            T, evidence = self._better(T, evidence, moved, generator.contour)
         turned = replace(hypothesis, poses=T[None], turned=yes, inplane_known=np.array([known]))
         return turned.weighed(np.array([0]), evidence)
 
@@ -201,7 +217,7 @@ class Matcher:
             T_world_part=RigidTransform.from_matrix(T),
             covariance=refined.covariance,
             score=float(evidence.score[0]),
-            process=features[v][m].process if m >= 0 else "group",
+            extractor=features[v][m].extractor if m >= 0 else "group",
             residual_px=refined.residual_px,
             views=int(evidence.views[0]),
             inplane_known=known,
@@ -220,6 +236,7 @@ class Matcher:
             iterations=len(reach),
             inplane=inplane,
             calibration=self.parameters.calibration,
+            edge_errors=self.parameters.edge_errors,
         )
 
     def _refined_on_ellipses(self, T: Array, matches: NDArray[np.intp], features: Features) -> Refinement | None:
@@ -232,4 +249,5 @@ class Matcher:
             iterations=4,
             inplane=False,
             calibration=self.parameters.calibration,
+            edge_errors=self.parameters.edge_errors,
         )

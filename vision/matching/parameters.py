@@ -6,7 +6,56 @@ from dataclasses import dataclass
 
 from vision.errors import InputError
 from vision.pose.calibration import EXACT, CalibrationError
+from vision.pose.edge_errors import USUAL, EdgeErrors
 from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, Allowed, check, count
+
+
+@dataclass(frozen=True)
+class ConfirmationParameters:
+    """How the edges along a posed model confirm or refute it, and what they count for.
+
+    ``benchmark/tuning/confirmation.py`` shows how much each of them matters.
+
+    Attributes:
+        reach_px: how far from the projected model an edge supports it.
+        claim_support: support of a sample from which a part that was found claims its edge.
+        claimed_share: share of an arc's points on claimed edges, from which the arc counts as claimed.
+        chance_support: what random edges give.
+        least_shown: a smaller share of the circles that face a view must speak for more than itself,
+        demand: by so much support for each share that is lacking.
+        inplane_step_px: how finely the turn about the axis is looked for.
+        rival_px: how far from the best turn another one is a rival.
+        rival_support: by how much less than the best a rival is supported where it is no worse.
+        rival_coarse_support: the same before it is looked at closely.
+        most_peaks: how many turns are looked at closely.
+        outstanding_support: by how much more than the median turn the best one is supported where it stands out,
+        outstanding_spreads: and by how many standard deviations of all turns.
+    """
+
+    reach_px: float = 3.0
+    claim_support: float = 0.3
+    claimed_share: float = 0.3
+    chance_support: float = 0.2
+    least_shown: float = 0.4
+    demand: float = 1.6
+    inplane_step_px: float = 1.5
+    rival_px: float = 6.0
+    rival_support: float = 0.005
+    rival_coarse_support: float = 0.05
+    most_peaks: int = 6
+    outstanding_support: float = 0.08
+    outstanding_spreads: float = 4.0
+
+    def __post_init__(self) -> None:
+        # Support falls from one pixel off the model to nothing at the tolerance.
+        check(self, reach_px=Allowed(1, above=True), inplane_step_px=POSITIVE, least_shown=Allowed(0, 1, above=True))
+        check(self, claim_support=SHARE, claimed_share=SHARE, chance_support=SHARE, demand=NOT_NEGATIVE)
+        check(self, rival_px=NOT_NEGATIVE, rival_support=NOT_NEGATIVE, rival_coarse_support=NOT_NEGATIVE)
+        check(self, most_peaks=count(1), outstanding_support=NOT_NEGATIVE, outstanding_spreads=NOT_NEGATIVE)
+
+
+CONFIRMATION = ConfirmationParameters()
+"""The usual settings."""
 
 
 @dataclass(frozen=True)
@@ -24,8 +73,10 @@ class MatchingParameters:
         loose_reach_px: tolerance with which candidates are first weighed by the edges near them.
         depth_shares: relative changes of the distance that are tried for a candidate.
         far_depth_shares: the same for a pose that only one view supports.
+        confirmation: of the edges along a posed model.
         leash: how far a refinement may move a pose before it has run away, in part diameters.
         calibration: how unsure the calibration of the views is; it widens the covariances and moves no pose.
+        edge_errors: the errors that many edges share; they too widen the covariances and move no pose.
         joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points, as a
             localizer with one extractor always does.
     """
@@ -40,8 +91,10 @@ class MatchingParameters:
     loose_reach_px: float = 7.0
     depth_shares: tuple[float, ...] = (0.0, -0.02, -0.015, -0.01, -0.005, 0.005, 0.01, 0.015, 0.02)
     far_depth_shares: tuple[float, ...] = tuple(0.0025 * step for step in range(-16, 17))
+    confirmation: ConfirmationParameters = CONFIRMATION
     leash: float = 0.05
     calibration: CalibrationError = EXACT
+    edge_errors: EdgeErrors = USUAL
     joint_edges: bool = True
 
     def __post_init__(self) -> None:

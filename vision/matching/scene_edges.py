@@ -13,13 +13,15 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.edges.edge_field import EdgeField
+from vision.edges.edge_field import EdgeField, StackedEdges
 from vision.extraction import Arc
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View, camera_arrays
 from vision.matching.edge_support import claim_edges, share_claimed, tally_support
+from vision.matching.parameters import CONFIRMATION, ConfirmationParameters
 from vision.model.contour import ModelContour
 from vision.model.projection import COVER_BLOCK_PX
-from vision.model.solid import cover
+from vision.model.solid import render_depth
 from vision.model.vision_model import VisionModel
 from vision.pose.alignment import align_on_edges
 from vision.pose.observations import Observations, observe_edges
@@ -27,19 +29,9 @@ from vision.pose.observations import Observations, observe_edges
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-REACH_PX = 3.0
-INPLANE_STEP_PX = 1.5
-CLAIM_SUPPORT = 0.3
-CLAIMED_SHARE = 0.3  # of an arc, from which it counts as claimed
-CHANCE_SUPPORT = 0.2  # what random edges give
-LEAST_SHOWN = 0.4  # a smaller share of the circles that face a view must speak for more than itself
-DEMAND = 1.6  # support that must make up for a share that is not shown
-RIVAL_PX, RIVAL_SUPPORT = 6.0, 0.005  # another rotation, and by how much less it is supported where it is no worse
-RIVAL_COARSE_SUPPORT = 0.05  # the same before it is looked at closely
-MOST_PEAKS = 6
-
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Evidence:
     """The edge support of posed models.
 
@@ -64,46 +56,56 @@ class Evidence:
 class SceneEdges:
     """The edge fields of all views, and which edges have been claimed by parts already found."""
 
-    def __init__(self, views: Sequence[View], fields: Sequence[EdgeField]) -> None:
+    def __init__(
+        self,
+        views: Sequence[View],
+        fields: Sequence[EdgeField],
+        parameters: ConfirmationParameters = CONFIRMATION,
+    ) -> None:
         """Nothing is claimed at first.
 
         Args:
             views: with distortion-free lenses.
             fields: their edge fields.
+            parameters: settings.
         """
-        self.views, self.fields = views, fields
+        self.views, self.fields, self.parameters = views, fields, parameters
         self.cameras = camera_arrays(views)
-        self._distance = _stacked([f.distance for f in fields], np.inf)  # the same where an edge is claimed
-        self._direction = _stacked([f.direction for f in fields], 0.0)
-        self._nearest = _stacked([f.nearest for f in fields], -1.0)
-        self._claimed: Mask = np.zeros(self._distance.shape, bool)
         self._reduced = [v.camera.reduced(COVER_BLOCK_PX) for v in views]
         blocks = (max(c.height_px for c in self._reduced), max(c.width_px for c in self._reduced))
-        self._cover = np.full((len(views), *blocks), np.inf, np.float32)
+        distance = _stacked([f.distance for f in fields], np.inf)
+        self._edges = StackedEdges(
+            distance=distance,
+            direction=_stacked([f.direction for f in fields], 0.0),
+            nearest=_stacked([f.nearest for f in fields], -1.0),
+            claimed=np.zeros(distance.shape, bool),
+            cover=np.full((len(views), *blocks), np.inf, np.float32),
+        )
 
     def forget_claims(self) -> None:
         """Set all edges free."""
-        if self._claimed.any():
-            self._distance = _stacked([f.distance for f in self.fields], np.inf)
-        self._claimed[:] = False
-        self._cover[:] = np.inf
+        if self._edges.claimed.any():
+            self._edges.distance[:] = _stacked([f.distance for f in self.fields], np.inf)
+        self._edges.claimed[:] = False
+        self._edges.cover[:] = np.inf
 
-    def evidence(self, poses: Array, contour: ModelContour, reach_px: float = REACH_PX) -> Evidence:
-        """Support of poses (N, 4, 4) by edges within ``reach_px`` that no other part has claimed."""
-        total, count = self._tally(poses, contour, reach_px)
+    def evidence(self, poses: Array, contour: ModelContour, reach_px: float | None = None) -> Evidence:
+        """Support of poses (N, 4, 4) by edges that no other part has claimed, within a reach or the usual one."""
+        least_shown = self.parameters.least_shown
+        total, count = self._tally(poses, contour, self.parameters.reach_px if reach_px is None else reach_px)
         seen, facing = count[..., 0], count[..., 1]
         # A small hole says as much per pixel as a rim, but a rim is longer: square roots balance the two.
         weight = contour.circle_weight * np.sqrt(seen.sum(axis=1))
         mean = total.sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
-        shown = np.minimum(seen.sum(axis=(1, 2)) / np.maximum(facing.sum(axis=(1, 2)), 1), LEAST_SHOWN)
+        shown = np.minimum(seen.sum(axis=(1, 2)) / np.maximum(facing.sum(axis=(1, 2)), 1), least_shown)
         # Where only a little is in sight, other edges happen to lie along it more easily.
-        lacking = DEMAND * (LEAST_SHOWN - shown)
+        lacking = self.parameters.demand * (least_shown - shown)
         salient = _weighted_mean(mean, weight * contour.circle_salient)
         of_view = total.sum(axis=2) / np.maximum(seen.sum(axis=2), 1)
         return Evidence(
             np.maximum(_weighted_mean(mean, weight) - lacking, 0.0),
             np.maximum(salient - lacking, 0.0),
-            salient * shown / LEAST_SHOWN,
+            salient * shown / least_shown,
             np.count_nonzero(of_view > 0.5 * np.maximum(of_view.max(axis=1, keepdims=True), 0.1), axis=1),
             mean,
             seen.sum(axis=1),
@@ -117,14 +119,13 @@ class SceneEdges:
         Returns:
             (N,) False where too few edges were in reach.
         """
-        edges = (self._direction, self._nearest, self._claimed, self._cover)
-        return align_on_edges(poses, self.cameras, contour.samples, edges, np.array(reaches_px), inplane)
+        return align_on_edges(poses, self.cameras, contour.samples, self._edges, np.array(reaches_px), inplane)
 
     def inplane_support(self, T_world_part: Array, contour: ModelContour, angles: Array) -> Array:
         """Mean support (A,) of the circles that tell the rotation about z, at each of the angles (A,)."""
         part = contour.asymmetric()
-        total, count = self._tally(turned(T_world_part, angles), part, REACH_PX)
-        return _gain(total.sum(axis=1) @ part.circle_weight, count[..., 0].sum(axis=1) @ part.circle_weight)
+        total, count = self._tally(turned(T_world_part, angles), part, self.parameters.reach_px)
+        return self._gain(total.sum(axis=1) @ part.circle_weight, count[..., 0].sum(axis=1) @ part.circle_weight)
 
     def inplane_support_all_round(self, T_world_part: Array, contour: ModelContour, fold: int, least: int) -> Array:
         """The same at n angles, evenly spaced over 1/fold of a turn; fold n >= ``least``, a multiple of all copies.
@@ -135,13 +136,14 @@ class SceneEdges:
         part = contour.first_copies()
         copies = {c: int(contour.circle_copies[c]) for c in np.unique(part.circle)}
         n = least + -least % int(np.lcm.reduce([fold, *copies.values()]))
-        total, count = self._tally(turned(T_world_part, np.arange(n) * 2 * np.pi / n), part, REACH_PX)
+        all_round = turned(T_world_part, np.arange(n) * 2 * np.pi / n)
+        total, count = self._tally(all_round, part, self.parameters.reach_px)
         support, seen = np.zeros(n // fold), np.zeros(n // fold)
         for c, k in copies.items():
             for out, of_first in ((support, total[:, :, c]), (seen, count[:, :, c, 0])):
                 of_all = of_first.sum(axis=1).reshape(k, n // k).sum(axis=0)
                 out += part.circle_weight[c] * np.resize(of_all, n // fold)
-        return _gain(support, seen)
+        return self._gain(support, seen)
 
     def find_inplane(self, T_world_part: Array, contour: ModelContour, fold: int) -> tuple[Array, bool]:
         """Turn a pose about its axis to where the supporting features have edges.
@@ -160,51 +162,51 @@ class SceneEdges:
             return T_world_part, False
         distance = min(np.linalg.norm(v.T_world_camera.translation - T_world_part[:3, 3]) for v in self.views)
         around_px = 2 * np.pi * lever * self.views[0].camera.fx / distance
-        least = int(np.ceil(around_px / INPLANE_STEP_PX))
+        least = int(np.ceil(around_px / self.parameters.inplane_step_px))
         support = self.inplane_support_all_round(T_world_part, contour, fold, least)
-        peaks = _peaks(support, float(around_px) / fold)
+        peaks = _peaks(support, float(around_px) / fold, self.parameters)
         step = 2 * np.pi / (fold * len(support))
         angles = peaks[:, None] * step + np.linspace(-step, step, 9)
         fine = self.inplane_support(T_world_part, contour, angles.ravel()).reshape(angles.shape)
         best = np.unravel_index(int(fine.argmax()), fine.shape)
         rivals = np.delete(fine.max(axis=1), best[0])
         spread = float(np.median(np.abs(support - np.median(support)))) * 1.4826
-        stands_out = fine[best] - np.median(support) > max(4 * spread, 0.08)
-        alone = fine[best] - rivals.max(initial=-np.inf) > RIVAL_SUPPORT
+        least_gain = max(self.parameters.outstanding_spreads * spread, self.parameters.outstanding_support)
+        stands_out = fine[best] - np.median(support) > least_gain
+        alone = fine[best] - rivals.max(initial=-np.inf) > self.parameters.rival_support
         return turned(T_world_part, angles[best][None])[0], bool(stands_out and alone)
 
     def observe(self, T_world_part: Array, contour: ModelContour, reach_px: float) -> Observations:
         """Sub-pixel edges along the visible circles of a posed model, claimed ones left out."""
-        claimed = [self._claimed[v, : f.smooth.shape[0], : f.smooth.shape[1]] for v, f in enumerate(self.fields)]
-        fields = list(zip(self.fields, claimed, strict=True))
-        return observe_edges(T_world_part, contour, self.cameras, fields, reach_px)
+        return observe_edges(T_world_part, contour, self.cameras, self.fields, self._edges.claimed, reach_px)
 
     def claim(self, T_world_part: Array, contour: ModelContour, model: VisionModel, width_px: int = 2) -> None:
         """Mark the edges that a part explains as its own, and what it hides as hidden."""
         for v, reduced in enumerate(self._reduced):
-            hidden = self._cover[v, : reduced.height_px, : reduced.width_px]
-            T_camera_part = self.cameras[0][v] @ T_world_part
-            cover(hidden, T_camera_part, reduced, model)
-            edges = (self._distance[v], self._direction[v], self._claimed[v])
-            claim_edges(T_camera_part, self.cameras[1][v], contour.samples, edges, REACH_PX, CLAIM_SUPPORT, width_px)
+            hidden = self._edges.cover[v, : reduced.height_px, : reduced.width_px]
+            T_camera_part = self.cameras.T_camera_world[v] @ T_world_part
+            render_depth(hidden, T_camera_part, reduced, model)
+            reach, least = self.parameters.reach_px, self.parameters.claim_support
+            intrinsics = self.cameras.intrinsics[v]
+            claim_edges(T_camera_part, intrinsics, contour.samples, self._edges, v, reach, least, width_px)
 
     def unclaimed(self, view: int, arcs: Sequence[Arc], most: int) -> list[Arc]:
         """The first arcs of a view, at most so many, of which most points have not been claimed."""
-        left = (arc for arc in arcs if share_claimed(self._claimed[view], arc.points) < CLAIMED_SHARE)
+        most_claimed = self.parameters.claimed_share
+        left = (arc for arc in arcs if share_claimed(self._edges.claimed[view], arc.points) < most_claimed)
         return list(islice(left, most))
+
+    def _gain(self, support: Array, seen: Array) -> Array:
+        """Support (A,) per sample in sight, less that of chance: holes must not look better out of sight than in."""
+        return (support - self.parameters.chance_support * seen) / max(float(seen.mean()), 1.0)
 
     def _tally(self, poses: Array, contour: ModelContour, reach_px: float) -> tuple[Array, Array]:
         """Sum of the support (N, V, C), and number of the samples (N, V, C, 2) in sight, and of all that face it."""
         shape = (len(poses), len(self.views), len(contour.circle_weight))
         total, count = np.zeros(shape), np.zeros((*shape, 2))
-        edges = (self._distance, self._direction, self._cover)
-        tally_support(np.ascontiguousarray(poses), self.cameras, contour.samples, edges, reach_px, total, count)
+        poses = np.array(poses, order="C")  # writable, so that the loops are compiled for one type alone
+        tally_support(poses, self.cameras, contour.samples, self._edges, reach_px, total, count)
         return total, count
-
-
-def _gain(support: Array, seen: Array) -> Array:
-    """Support (A,) per sample in sight, less that of chance: holes must not look better out of sight than in it."""
-    return (support - CHANCE_SUPPORT * seen) / max(float(seen.mean()), 1.0)
 
 
 def turned(T_world_part: Array, angles: Array) -> Array:
@@ -228,20 +230,21 @@ def _stacked(images: Sequence[NDArray[np.float32]], beyond: float) -> NDArray[np
     return out
 
 
-def _peaks(support: Array, around_px: float) -> NDArray[np.intp]:
+def _peaks(support: Array, around_px: float, parameters: ConfirmationParameters) -> NDArray[np.intp]:
     """Numbers of the best of evenly spaced angles, and of others like it that are no neighbours, best first.
 
     Args:
         support: (A,) of angles over one period.
         around_px: length of the period where the features are.
+        parameters: settings.
     """
     best = support.max()
     summit = (support >= np.roll(support, 1)) & (support >= np.roll(support, -1))
-    order = np.flatnonzero(summit & (support > best - RIVAL_COARSE_SUPPORT))
+    order = np.flatnonzero(summit & (support > best - parameters.rival_coarse_support))
     order = order[np.argsort(-support[order], kind="stable")]
     apart = np.abs(order - order[0]) * around_px / len(support)
-    other = np.minimum(apart, around_px - apart) > RIVAL_PX
-    return np.asarray(order[other | (np.arange(len(order)) == 0)][:MOST_PEAKS], np.intp)
+    other = np.minimum(apart, around_px - apart) > parameters.rival_px
+    return np.asarray(order[other | (np.arange(len(order)) == 0)][: parameters.most_peaks], np.intp)
 
 
 def _weighted_mean(values: Array, weights: Array) -> Array:

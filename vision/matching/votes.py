@@ -3,27 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from vision.features import EllipseFeature
+from vision.frozen import read_only
+from vision.geometry.camera import CameraArrays
 from vision.geometry.ellipse import geometric_parameters
+from vision.model.vision_model import SalientCircles
 from vision.pose.observations import POINTS_PER_ELLIPSE
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-CENTRE_TOLERANCE = (2.5, 0.03)  # pixels, and share of the semi-major axis
-MAJOR_TOLERANCE = (1.5, 0.03)
-MINOR_TOLERANCE = (2.0, 0.10)  # the tilt of a circle seen face on is ill determined
+
+class Tolerance(NamedTuple):
+    """How far an ellipse may be from the prediction: pixels, and a share of its semi-major axis."""
+
+    px: float
+    share: float
+
+
+CENTRE_TOLERANCE = Tolerance(2.5, 0.03)
+MAJOR_TOLERANCE = Tolerance(1.5, 0.03)
+MINOR_TOLERANCE = Tolerance(2.0, 0.10)  # the tilt of a circle seen face on is ill determined
 FACING_COSINE = 0.12
 
 
-def votes_of(
-    poses: Array, cameras: tuple[Array, Array], circles: tuple[Array, Array, Array], table: EllipseTable
+def count_votes(
+    poses: Array, cameras: CameraArrays, circles: SalientCircles, table: EllipseTable
 ) -> tuple[Array, Indices]:
     """Votes (N,) and matches (N, V, K) of poses (N, 4, 4).
 
@@ -32,23 +43,21 @@ def votes_of(
 
     Args:
         poses: T_world_part; the rotation about the part's axis has no effect.
-        cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
-        circles: height along the axis, side, radius (K,) each, of the salient circles.
+        cameras: of the views.
+        circles: the salient circles.
         table: the ellipses.
 
     Returns:
         The votes, and for every view and circle the number of the matched ellipse within its view, -1 for none.
     """
-    n, views, k = len(poses), len(cameras[0]), len(circles[0])
+    n, views, k = len(poses), len(cameras.intrinsics), len(circles.radius)
     votes, matches = np.zeros(n), np.full((n, views, k), -1, np.intp)
-    _tally_votes(poses, cameras, circles, (table.first, table.geometric, table.support), votes, matches)
+    _tally_votes(poses, cameras, circles, table, votes, matches)
     return votes, matches
 
 
 @njit(cache=True)
-def predict_circle(  # type: ignore[no-untyped-def]
-    T, intrinsics, height, side, radius, out
-):  # pragma: no cover - compiled
+def predict_circle(T, intrinsics, height, side, radius, out):
     """The ellipse that a circle about the part's axis makes in a view; False when it is turned away.
 
     The cone of rays d through a circle of centre c, normal n and radius r is
@@ -94,10 +103,10 @@ def predict_circle(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _tally_votes(poses, cameras, circles, ellipses, votes, matches):  # type: ignore[no-untyped-def]  # pragma: no cover
-    T_camera_world, intrinsics = cameras
-    height, side, radius = circles
-    first, geometric, support = ellipses
+def _tally_votes(poses, cameras, circles, table, votes, matches):
+    T_camera_world, intrinsics = cameras.T_camera_world, cameras.intrinsics
+    height, side, radius = circles.height, circles.side, circles.radius
+    first, geometric, support = table.first, table.geometric, table.support
     largest = radius.max()
     predicted = np.empty(5)
     for i in range(len(poses)):
@@ -111,12 +120,12 @@ def _tally_votes(poses, cameras, circles, ellipses, votes, matches):  # type: ig
                 for m in range(first[v], first[v + 1]):
                     seen = geometric[m]
                     cost = np.hypot(predicted[0] - seen[0], predicted[1] - seen[1]) / (
-                        CENTRE_TOLERANCE[0] + CENTRE_TOLERANCE[1] * scale
+                        CENTRE_TOLERANCE.px + CENTRE_TOLERANCE.share * scale
                     )
                     if cost >= 1:
                         continue
-                    major = abs(scale - seen[2]) / (MAJOR_TOLERANCE[0] + MAJOR_TOLERANCE[1] * scale)
-                    minor = abs(predicted[3] - seen[3]) / (MINOR_TOLERANCE[0] + MINOR_TOLERANCE[1] * scale)
+                    major = abs(scale - seen[2]) / (MAJOR_TOLERANCE.px + MAJOR_TOLERANCE.share * scale)
+                    minor = abs(predicted[3] - seen[3]) / (MINOR_TOLERANCE.px + MINOR_TOLERANCE.share * scale)
                     cost = max(cost, major, minor)
                     gain = support[m] * (1 - 0.5 * cost) if cost < 1 else 0.0
                     if gain > best:
@@ -125,9 +134,8 @@ def _tally_votes(poses, cameras, circles, ellipses, votes, matches):  # type: ig
                 votes[i] += best * np.sqrt(radius[k] / largest)
 
 
-@dataclass(frozen=True, eq=False)
-class EllipseTable:
-    """All ellipses, those of the first view first.
+class EllipseTable(NamedTuple):
+    """All ellipses as the compiled loops read them, those of the first view first.
 
     Attributes:
         first: (V + 1,) where each view's ellipses begin.
@@ -143,11 +151,6 @@ class EllipseTable:
     first_point: Indices
     points: Array
 
-    @property
-    def arrays(self) -> tuple[Indices, Indices, Array]:
-        """Starts of the views and of the ellipses, and the points, for the compiled loops."""
-        return self.first, self.first_point, self.points
-
     @classmethod
     def of(
         cls, features: Sequence[Sequence[EllipseFeature]], points_per_ellipse: int = POINTS_PER_ELLIPSE
@@ -155,13 +158,14 @@ class EllipseTable:
         """Tabulate the features of every view, with about ``points_per_ellipse`` evenly chosen edge points each."""
         flat = [f for found in features for f in found]
         points = [f.points[:: max(len(f.points) // points_per_ellipse, 1)] for f in flat]
-        return cls(
+        table = cls(
             _starts([len(found) for found in features]),
             geometric_parameters(np.array([f.ellipse.p for f in flat]).reshape(-1, 5)),
             np.array([f.support for f in flat], dtype=np.float64),
             _starts([len(p) for p in points]),
             np.vstack([np.empty((0, 2)), *points]),
         )
+        return read_only(table)
 
 
 def _starts(lengths: Sequence[int]) -> Indices:

@@ -10,10 +10,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.frozen import frozen_arrays, read_only
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, plane_axes
+from vision.model.grasp import turns_about_z
 from vision.model.projection import ContourSamples, project_samples
-from vision.model.vision_model import CircleFeature, Pattern, VisionModel, turns_about_axis
+from vision.model.vision_model import CircleFeature, Pattern, VisionModel
 
 Array = NDArray[np.float64]
 
@@ -22,6 +24,7 @@ PATTERN_SAMPLES = 24  # of one copy
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Curve:
     """The first copy of a feature, sampled: points, tangents and normals (S, 3)."""
 
@@ -67,6 +70,7 @@ COVER_MARGIN = 0.1  # of the part's radius, behind the surface of another part
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Projection:
     """The samples of a contour in one view.
 
@@ -82,6 +86,7 @@ class Projection:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class ModelContour:
     """Points along the circles and patterns of a vision model, dense enough for the image scale at hand.
 
@@ -119,7 +124,7 @@ class ModelContour:
     @cached_property
     def circle_feature(self) -> NDArray[np.intp]:
         """(C,) number of the feature that a circle is a copy of: the model's circles first, then its patterns."""
-        return np.asarray(np.cumsum(self.circle_copies > 0) - 1, np.intp)
+        return read_only(np.asarray(np.cumsum(self.circle_copies > 0) - 1, np.intp))
 
     @cached_property
     def samples(self) -> ContourSamples:
@@ -127,7 +132,7 @@ class ModelContour:
         points, tangents, normals = (np.ascontiguousarray(a.T) for a in (self.points, self.tangents, self.normals))
         rims = np.ascontiguousarray(np.moveaxis(self.rims[self.circle], 0, 2))
         margin_m = COVER_MARGIN * float(np.abs(points).max(initial=0.0))
-        return ContourSamples(points, tangents, normals, self.circle, rims, margin_m)
+        return read_only(ContourSamples(points, tangents, normals, self.circle, rims, margin_m))
 
     def asymmetric(self) -> ModelContour:
         """The circles alone that tell the rotation about z; the numbering of the circles stays."""
@@ -180,7 +185,7 @@ class ModelContour:
         """Sample the features of a model at an image scale (focal length over distance)."""
         curves = [along_circle(feature, model, scale_px_per_m) for feature in model.features]
         curves += [along_pattern(pattern, model) for pattern in model.patterns]
-        turns = [(curve, turn) for curve in curves for turn in turns_about_axis(curve.copies)]
+        turns = [(curve, turn) for curve in curves for turn in turns_about_z(curve.copies).as_matrix()]
         points, tangents, normals = (
             np.vstack([getattr(curve, name) @ turn.T for curve, turn in turns])
             for name in ("points", "tangents", "normals")
@@ -232,7 +237,7 @@ def _is_before(rim: Circle, side: float, height: float, slack: float) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def _project(T, intrinsics, samples):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def _project(T, intrinsics, samples):
     """Index, pixels and unit normals of the samples in sight."""
     size = len(samples.circle)
     image, shown = np.empty((5, size)), np.empty(size, np.bool_)

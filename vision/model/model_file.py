@@ -14,19 +14,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.errors import FileFormatError, InputError
 from vision.extraction import ExtractionThresholds
-from vision.features import Process, RegionAttributes
+from vision.features import Extractor, RegionAttributes
 from vision.files.json_reader import JsonValue, parse, read_text
 from vision.geometry.circle import Circle
-from vision.model.vision_model import (
-    AttributeRange,
-    BoreCoordinates,
-    CircleFeature,
-    GraspCoordinates,
-    GraspKind,
-    Pattern,
-    Role,
-    VisionModel,
-)
+from vision.model.grasp import BoreCoordinates, GraspCoordinates, GraspKind
+from vision.model.vision_model import AttributeRange, CircleFeature, Pattern, Role, VisionModel
 
 Array = NDArray[np.float64]
 
@@ -124,7 +116,7 @@ def _measured(value: float, decimals: int = 6) -> float:
     """What was measured in the views is written to a micrometre, a hundredth of what teaching aims at.
 
     The last bits of a measurement come from the machine: processors fuse multiplications and additions differently.
-    What is coarser than they are by orders of magnitude gives the same text everywhere.
+    What is coarser than they are by orders of magnitude seldom shows them.
     """
     return round(float(value), decimals) + 0.0
 
@@ -165,7 +157,7 @@ def _feature_from(item: JsonValue) -> CircleFeature:
         name=d["name"].text(),
         role=d["role"].choice(get_args(Role)),
         circle=Circle(d["centre_m"].vector(3), d["normal"].unit(3), d["radius_m"].positive()),
-        extractor=d["extractor"].choice(get_args(Process)),
+        extractor=d["extractor"].choice(get_args(Extractor)),
         copies=d["copies"].count(),
         support=d["support"].share(),
         attributes=tuple((name, _range_from(name, value)) for name, value in d["attributes"].mapping().items()),

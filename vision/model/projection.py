@@ -37,7 +37,7 @@ class ContourSamples(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def project_samples(T, intrinsics, samples, image, shown):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def project_samples(T, intrinsics, samples, image, shown):
     """Project samples, and find those that face the camera and that no rim before them hides.
 
     There are no branches, so that several samples are computed at a time.
@@ -81,7 +81,7 @@ def project_samples(T, intrinsics, samples, image, shown):  # type: ignore[no-un
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def hides(radius, height, x, y, z, eye):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def hides(radius, height, x, y, z, eye):
     """Whether a rim before a point of the part hides it from the eye, all in the part's frame; no, if it is NaN.
 
     The surface of one body joins the point and the rim. A line of sight that starts on one side of the rim's radius
@@ -99,7 +99,7 @@ def hides(radius, height, x, y, z, eye):  # type: ignore[no-untyped-def]  # prag
 
 
 @njit(cache=True, error_model="numpy")
-def list_inside(image, shown, width, height, pixel, listed):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def list_inside(image, shown, width, height, pixel, listed):
     """Write the numbers of the samples shown inside an image, and return how many there are.
 
     Args:
@@ -123,13 +123,13 @@ def list_inside(image, shown, width, height, pixel, listed):  # type: ignore[no-
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def is_covered(cover, column, line, depth):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def is_covered(cover, column, line, depth):
     """Whether something lies behind parts found, by the depth of their surfaces for each block of pixels."""
     return depth > cover[line // COVER_BLOCK_PX, column // COVER_BLOCK_PX]
 
 
 @njit(cache=True, fastmath={"contract"})
-def chain(A, B, out):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def chain(A, B, out):
     """Write the product of two rigid transforms (4, 4): bit for bit what BLAS gives, whose calls take far longer."""
     for i in range(4):
         for j in range(4):
@@ -140,14 +140,14 @@ def chain(A, B, out):  # type: ignore[no-untyped-def]  # pragma: no cover - comp
 
 
 @njit(cache=True, inline="always")
-def moved(T, p):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def moved(T, p):
     """The point T p."""
     x, y, z = rotated(T, p)
     return x + T[0, 3], y + T[1, 3], z + T[2, 3]
 
 
 @njit(cache=True, inline="always")
-def rotated(T, p):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def rotated(T, p):
     """The direction T p."""
     return (
         T[0, 0] * p[0] + T[0, 1] * p[1] + T[0, 2] * p[2],
@@ -157,7 +157,7 @@ def rotated(T, p):  # type: ignore[no-untyped-def]  # pragma: no cover - compile
 
 
 @njit(cache=True)
-def eye_of(T_camera_part):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def eye_of(T_camera_part):
     """The camera's centre x, y, z in the part's frame."""
     T = T_camera_part
     return (

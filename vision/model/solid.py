@@ -18,7 +18,7 @@ OUTLINE_SHARE = 0.85  # of the largest radius: circles that large are outlines
 BODY_SLACK = 0.1  # of the thickness
 
 
-def cover(depth: NDArray[np.float32], T_camera_part: Array, camera: Camera, model: VisionModel) -> None:
+def render_depth(depth: NDArray[np.float32], T_camera_part: Array, camera: Camera, model: VisionModel) -> None:
     """Lower a depth map (H, W), in place, to the body that the part's coaxial circles span.
 
     The body is the hull of the largest circles, less the bore: solid, which a cup is not; but what else lies in the

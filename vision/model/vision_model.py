@@ -7,28 +7,22 @@ grasp coordinates. It is not a CAD model. Metres and radians throughout; ``visio
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.errors import InputError
 from vision.extraction import ExtractionThresholds
-from vision.features import Process
+from vision.features import Extractor
+from vision.frozen import frozen_arrays, read_only
 from vision.geometry.circle import Circle
+from vision.model.grasp import BoreCoordinates, GraspCoordinates, turns_about_z
 
 Array = NDArray[np.float64]
 Role = Literal["salient", "supporting"]
-GraspKind = Literal["outside", "inside"]
 
 _UNIT_TOLERANCE = 1e-6
-
-
-def turns_about_axis(copies: int) -> Array:
-    """(copies, 3, 3) rotations about the part's axis that carry a feature into its copies."""
-    angles = np.arange(copies) * 2 * np.pi / copies
-    return Rotation.from_rotvec(np.outer(angles, [0.0, 0.0, 1.0])).as_matrix()
 
 
 @dataclass(frozen=True)
@@ -56,7 +50,7 @@ class CircleFeature:
     name: str
     role: Role
     circle: Circle
-    extractor: Process
+    extractor: Extractor
     copies: int = 1
     support: float = 1.0
     attributes: tuple[tuple[str, AttributeRange], ...] = ()
@@ -65,11 +59,12 @@ class CircleFeature:
         """The circles of all copies."""
         return [
             Circle(R @ self.circle.centre, R @ self.circle.normal, self.circle.radius_m)
-            for R in turns_about_axis(self.copies)
+            for R in turns_about_z(self.copies).as_matrix()
         ]
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Pattern:
     """Edges on a face that are no taught circles, such as those of slots: a supporting feature (Section 6).
 
@@ -100,40 +95,7 @@ class Pattern:
                 good = bool((np.abs(np.linalg.norm(array, axis=-1) - 1) < _UNIT_TOLERANCE).all())
             if not good:
                 raise InputError(f"{name} of pattern {self.name!r}", got=array, expected=expected)
-            array.flags.writeable = False
             object.__setattr__(self, name, array)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Pattern, (self.name, self.normal, self.points, self.directions))
-
-
-@dataclass(frozen=True, eq=False)
-class GraspCoordinates:
-    """Where the gripper may take the part (Fig. 2 b).
-
-    Attributes:
-        name: label.
-        T_part_tcp: pose of the tool centre point: z approaches, x is the direction in which the fingers open.
-        width_m: gap between the fingers at contact ("outside"), or distance of their outer faces ("inside").
-        kind: close on the outside, or open in a bore.
-        copies: number of equally good rotations about the part's axis.
-    """
-
-    name: str
-    T_part_tcp: RigidTransform
-    width_m: float
-    kind: GraspKind
-    copies: int = 1
-
-
-@dataclass(frozen=True, eq=False)
-class BoreCoordinates:
-    """The bore for peg-in-hole: the origin is the centre of the entry rim, z points into the bore."""
-
-    T_part_bore: RigidTransform
-    diameter_m: float
-    depth_m: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,25 +148,35 @@ class VisionModel:
         return tuple(f for f in self.features if f.role == "supporting")
 
 
-@dataclass(frozen=True, eq=False)
-class SalientCircles:
-    """The salient circles as arrays: height along z (K,), side (K,) +1 or -1, radius (K,) in metres."""
+class CoaxialCircle(NamedTuple):
+    """A circle about the part's axis: height of its centre along z, side +1 or -1 of its normal, radius in metres."""
+
+    height: float
+    side: float
+    radius: float
+
+
+class SalientCircles(NamedTuple):
+    """The salient circles as the compiled loops read them.
+
+    Attributes:
+        height: (K,) of the centres along z, metres.
+        side: (K,) +1 or -1, the direction of the normals along z.
+        radius: (K,) metres.
+    """
 
     height: Array
     side: Array
     radius: Array
 
-    @property
-    def arrays(self) -> tuple[Array, Array, Array]:
-        """Height, side and radius, for the compiled loops."""
-        return self.height, self.side, self.radius
-
     @classmethod
     def of(cls, model: VisionModel) -> SalientCircles:
         """Of a model; salient features are coaxial circles."""
         circles = [f.circle for f in model.salient]
-        return cls(
-            np.array([c.centre[2] for c in circles]),
-            np.sign([c.normal[2] for c in circles]),
-            np.array([c.radius_m for c in circles]),
-        )
+        height = np.array([c.centre[2] for c in circles])
+        side = np.sign([c.normal[2] for c in circles])
+        return read_only(cls(height, side, np.array([c.radius_m for c in circles])))
+
+    def circle(self, number: int | np.intp) -> CoaxialCircle:
+        """One of them."""
+        return CoaxialCircle(float(self.height[number]), float(self.side[number]), float(self.radius[number]))

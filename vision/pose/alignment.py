@@ -1,7 +1,7 @@
-"""Compiled pose corrections for many candidates: on matched ellipses, and on the nearest edges of all views.
+"""Compiled pose corrections for many poses at once: on matched ellipses, and on the nearest edges of all views.
 
-The same robust Gauss-Newton as :func:`vision.pose.refinement.refine_pose`, without its covariance: fast enough to
-try every candidate, where that one gives the final word.
+The same robust Gauss-Newton as :func:`vision.pose.refinement.refine_pose`, without its covariance: fast enough
+for every candidate and hypothesis, where that one gives the final word.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from numba import njit
 
 from vision.edges.edge_field import LOOSEST_ALIGNMENT
 from vision.model.projection import eye_of, is_covered, list_inside, project_samples, rotated
+from vision.model.vision_model import CoaxialCircle
 
 ROBUST_SCALE = 3.0
 NOISE_FLOOR_PX = 0.1
@@ -19,7 +20,7 @@ FEWEST_POINTS = 12
 
 
 @njit(cache=True)
-def align_on_ellipses(poses, matches, cameras, circles, table, iterations):  # type: ignore[no-untyped-def]  # pragma: no cover
+def align_on_ellipses(poses, matches, cameras, circles, table, iterations):
     """Move poses to where their salient circles pass through the edge points of the matched ellipses.
 
     The viewing ray of an edge point meets the plane of the circle; the direction from the centre to there gives the
@@ -28,17 +29,15 @@ def align_on_ellipses(poses, matches, cameras, circles, table, iterations):  # t
     Args:
         poses: (N, 4, 4) T_world_part; corrected in place.
         matches: (N, V, K) number of the ellipse within its view, -1 for none.
-        cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
-        circles: height, side, radius (K,) of the salient circles.
-        table: first (V + 1,), first_point (M + 1,), points (P, 2) of the ellipses.
+        cameras: of the views, see :class:`vision.geometry.camera.CameraArrays`.
+        circles: see :class:`vision.model.vision_model.SalientCircles`.
+        table: the ellipses, see :class:`vision.matching.votes.EllipseTable`.
         iterations: Gauss-Newton steps.
 
     Returns:
         (N,) False where too few points were left; such a pose is not to be used.
     """
-    T_camera_world, intrinsics = cameras
-    height, _side, radius = circles
-    first, first_point, points = table
+    T_camera_world, intrinsics = cameras.T_camera_world, cameras.intrinsics
     good = np.ones(len(poses), np.bool_)
     rows, residuals = np.empty((1024, 6)), np.empty(1024)
     for i in range(len(poses)):
@@ -46,11 +45,11 @@ def align_on_ellipses(poses, matches, cameras, circles, table, iterations):  # t
             count = 0
             for v in range(len(T_camera_world)):
                 T = T_camera_world[v] @ poses[i]
-                for k in range(len(radius)):
+                for k in range(len(circles.radius)):
                     if matches[i, v, k] >= 0:
-                        m = first[v] + matches[i, v, k]
-                        seen = points[first_point[m] : first_point[m + 1]]
-                        circle = (height[k], radius[k])
+                        m = table.first[v] + matches[i, v, k]
+                        seen = table.points[table.first_point[m] : table.first_point[m + 1]]
+                        circle = CoaxialCircle(circles.height[k], circles.side[k], circles.radius[k])
                         count = rows_of_circle(
                             T, T_camera_world[v], intrinsics[v], seen, circle, rows, residuals, count
                         )
@@ -62,33 +61,29 @@ def align_on_ellipses(poses, matches, cameras, circles, table, iterations):  # t
 
 
 @njit(cache=True)
-def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: ignore[no-untyped-def]  # pragma: no cover
+def align_on_edges(poses, cameras, samples, edges, reaches, inplane):
     """Move poses to where a sampled contour lies on the nearest edges of all views.
 
     Args:
         poses: (N, 4, 4) T_world_part; corrected in place.
-        cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
+        cameras: of the views, see :class:`vision.geometry.camera.CameraArrays`.
         samples: of a contour, see :class:`vision.model.projection.ContourSamples`.
-        edges: direction (V, H, W, 2), nearest edge (V, H, W, 2) as x, y, claimed (V, H, W), and the depth beyond
-            which parts already found hide what is there, by blocks of pixels.
+        edges: of the views, see :class:`vision.edges.edge_field.StackedEdges`.
         reaches: tolerance in pixels, iteration by iteration.
         inplane: whether the rotation about the part's axis is corrected too.
 
     Returns:
         (N,) False where too few edges were in reach.
     """
-    T_camera_world, intrinsics = cameras
     good = np.ones(len(poses), np.bool_)
-    most = len(T_camera_world) * len(samples.circle)
+    views = len(cameras.intrinsics)
+    most = views * len(samples.circle)
     rows, residuals = np.empty((most, 6)), np.empty(most)
     for i in range(len(poses)):
         for reach in reaches:
             count = 0
-            for v in range(len(T_camera_world)):
-                of_view = (edges[0][v], edges[1][v], edges[2][v], edges[3][v])
-                count = _rows_of_edges(
-                    poses[i], T_camera_world[v], intrinsics[v], samples, of_view, reach, rows, residuals, count
-                )
+            for v in range(views):
+                count = _rows_of_edges(poses[i], cameras, samples, edges, v, reach, rows, residuals, count)
             if count < FEWEST_POINTS:
                 good[i] = False
                 break
@@ -97,9 +92,11 @@ def align_on_edges(poses, cameras, samples, edges, reaches, inplane):  # type: i
 
 
 @njit(cache=True, error_model="numpy")
-def _rows_of_edges(pose, T_camera_world, intrinsics, samples, edges, reach, rows, residuals, count):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _rows_of_edges(pose, cameras, samples, edges, view, reach, rows, residuals, count):
     """Write the rows of the edges nearest to the samples in one view, from row ``count`` on; the next free row."""
-    direction, nearest, claimed, cover = edges
+    T_camera_world, intrinsics = cameras.T_camera_world[view], cameras.intrinsics[view]
+    direction, nearest = edges.direction[view], edges.nearest[view]
+    claimed, cover = edges.claimed[view], edges.cover[view]
     height, width = claimed.shape
     size = len(samples.circle)
     image, shown = np.empty((5, size)), np.empty(size, np.bool_)
@@ -127,7 +124,7 @@ def _rows_of_edges(pose, T_camera_world, intrinsics, samples, edges, reach, rows
 
 
 @njit(cache=True)
-def rows_of_circle(T, T_camera_world, intrinsics, points, circle, rows, residuals, count):  # type: ignore[no-untyped-def]  # pragma: no cover
+def rows_of_circle(T, T_camera_world, intrinsics, points, circle, rows, residuals, count):
     """Write the rows of edge points of a circle about the part's axis, from row ``count`` on; the next free row.
 
     The viewing ray of a point meets the plane of the circle; the direction from the centre to there gives the nearest
@@ -138,13 +135,13 @@ def rows_of_circle(T, T_camera_world, intrinsics, points, circle, rows, residual
         T_camera_world: (4, 4).
         intrinsics: fx, fy, cx, cy.
         points: (N, 2) edge points in pixels.
-        circle: height along the axis, radius.
+        circle: see :class:`vision.model.vision_model.CoaxialCircle`.
         rows: (M, 6) written to; points beyond the last row are left out.
         residuals: (M,) written to.
         count: the first free row.
     """
     fx, fy, cx, cy = intrinsics
-    height, radius = circle
+    height, radius = circle.height, circle.radius
     eye = eye_of(T)
     for j in range(len(points)):
         if count == len(residuals):
@@ -165,7 +162,7 @@ def rows_of_circle(T, T_camera_world, intrinsics, points, circle, rows, residual
 
 
 @njit(cache=True)
-def projection_row(T, T_camera_world, intrinsics, point, tangent, seen, rows, residuals, count):  # type: ignore[no-untyped-def]  # pragma: no cover
+def projection_row(T, T_camera_world, intrinsics, point, tangent, seen, rows, residuals, count):
     """Write row ``count``: d(distance along the normal)/d(translation, rotation about the origin), and the distance.
 
     Returns False, and leaves the row to the next point, where the point is behind the camera.
@@ -194,7 +191,7 @@ def projection_row(T, T_camera_world, intrinsics, point, tangent, seen, rows, re
 
 
 @njit(cache=True)
-def _step(T, rows, residuals, inplane):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _step(T, rows, residuals, inplane):
     """One Gauss-Newton step with Tukey's weights, applied to the pose."""
     scale = ROBUST_SCALE * max(1.4826 * np.median(np.abs(residuals)), NOISE_FLOOR_PX)
     N, g = np.zeros((6, 6)), np.zeros(6)
@@ -223,7 +220,7 @@ def _step(T, rows, residuals, inplane):  # type: ignore[no-untyped-def]  # pragm
 
 
 @njit(cache=True)
-def solve_normal_equations(N, g):  # type: ignore[no-untyped-def]  # pragma: no cover
+def solve_normal_equations(N, g):
     """The solution of N x = g by Cholesky's decomposition; directions that nothing determines stay zero."""
     n = len(g)
     L, x = np.zeros((n, n)), np.zeros(n)
@@ -255,7 +252,7 @@ def solve_normal_equations(N, g):  # type: ignore[no-untyped-def]  # pragma: no 
 
 
 @njit(cache=True)
-def turn_and_move(T, step):  # type: ignore[no-untyped-def]  # pragma: no cover
+def turn_and_move(T, step):
     """Translate, and turn about the part's origin by a rotation vector."""
     for a in range(3):
         T[a, 3] += step[a]

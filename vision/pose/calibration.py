@@ -69,7 +69,7 @@ class CalibrationError:
         if self.is_zero:
             return np.zeros((6, 6))
         points_world = seen.points_part @ T_world_part[:3, :3].T + T_world_part[:3, 3]
-        shifts = self._shifts(J[:, :3] * seen.sigma_px[:, None], points_world, seen.view, views)
+        shifts = self._shifts(J[:, :3] * seen.sigma_px[:, None], points_world, seen.of_view, views)
         shifts /= seen.sigma_px[:, None]
         held = N - J.T @ (weights[:, None] * J)
 
@@ -78,10 +78,10 @@ class CalibrationError:
             return np.asarray(np.linalg.solve(J.T @ weighted + held, weighted.T @ shifts))
 
         gain = response(weights)
-        seeing = np.unique(seen.view)
+        seeing = np.unique(seen.of_view)
         if len(seeing) == 1:
             return gain @ gain.T
-        changes = [response(weights * (seen.view != v)) - gain for v in seeing]
+        changes = [response(weights * (seen.of_view != v)) - gain for v in seeing]
         chance = sum(change @ change.T for change in changes) * (len(seeing) - 1) / len(seeing)
         return np.asarray(gain @ gain.T + chance)
 
@@ -96,7 +96,10 @@ class CalibrationError:
         """
         common = np.zeros((len(rows), 9))
         arm = np.zeros((len(rows), 3 * len(views)))
-        for index, (T_camera_world, intrinsics) in enumerate(zip(*camera_arrays(views), strict=True)):
+        cameras = camera_arrays(views)
+        for index, (T_camera_world, intrinsics) in enumerate(
+            zip(cameras.T_camera_world, cameras.intrinsics, strict=True)
+        ):
             mine = np.flatnonzero(view == index)
             R = T_camera_world[:3, :3]
             row = rows[mine] @ R.T

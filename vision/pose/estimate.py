@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.model.vision_model import Role, VisionModel
 
 Array = NDArray[np.float64]
@@ -72,6 +73,7 @@ def features_supported(
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class PoseEstimate:
     """Where a part is, as far as the images tell.
 
@@ -81,7 +83,7 @@ class PoseEstimate:
         covariance: (6, 6) of (translation in metres, rotation vector in radians), both in the world frame and about
             the part's origin.
         score: edge support of the pose, 0 to 1.
-        process: "region" or "group", the extractor whose features made the hypothesis; "oracle" for the true pose.
+        extractor: "region" or "group", the extractor whose features made the hypothesis; "oracle" for the true pose.
         residual_px: root mean square distance of the edge points used from the projected model.
         views: number of views that support the pose.
         inplane_known: whether supporting features settled the rotation about the part's axis.
@@ -92,7 +94,7 @@ class PoseEstimate:
     T_world_part: RigidTransform
     covariance: Array
     score: float
-    process: str
+    extractor: str
     residual_px: float
     views: int
     inplane_known: bool
@@ -102,9 +104,4 @@ class PoseEstimate:
         covariance = np.array(self.covariance, dtype=np.float64)
         if covariance.shape != (6, 6):
             raise InputError("covariance of a pose", got=f"shape {covariance.shape}", expected="(6, 6)")
-        covariance.flags.writeable = False
         object.__setattr__(self, "covariance", covariance)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the covariance stays read-only."""
-        return (PoseEstimate, tuple(getattr(self, field.name) for field in fields(self)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from vision.edges.edge_field import EdgeField, edge_along, profile_weights
 from vision.features import EllipseFeature
-from vision.geometry.camera import View
+from vision.geometry.camera import CameraArrays, View
 from vision.model.contour import ModelContour
 from vision.model.projection import BORDER_PX, chain, project_samples
 from vision.model.vision_model import SalientCircles
@@ -24,8 +24,9 @@ SIGMA_PX = 0.3
 def observe_edges(
     T_world_part: Array,
     contour: ModelContour,
-    cameras: tuple[Array, Array],
-    fields: list[tuple[EdgeField, NDArray[np.bool_]]],
+    cameras: CameraArrays,
+    fields: Sequence[EdgeField],
+    claimed: NDArray[np.bool_],
     reach_px: float,
 ) -> Observations:
     """Find the edges near the contour of a posed model, claimed ones left out.
@@ -33,39 +34,39 @@ def observe_edges(
     Args:
         T_world_part: 4x4 pose.
         contour: of the model.
-        cameras: T_camera_world (V, 4, 4) and fx, fy, cx, cy (V, 4).
-        fields: of every view the edge field, and where its edges have been claimed.
+        cameras: of the views.
+        fields: the edge field of every view.
+        claimed: (V, H, W) where edges have been claimed; H and W are those of the largest view.
         reach_px: how far from the contour to look.
     """
     weights = profile_weights(reach_px)
     samples = contour.samples
     blocks = [
-        _observe(T_world_part, T_camera_world, intrinsics, samples, field.smooth, claimed, weights)
-        for T_camera_world, intrinsics, (field, claimed) in zip(*cameras, fields, strict=True)
+        _observe(T_world_part, cameras, v, samples, field.smooth, claimed, weights) for v, field in enumerate(fields)
     ]
     view = np.repeat(np.arange(len(blocks)), [len(index) for index, _, _ in blocks])
-    index, pixels, normals = (np.concatenate([block[k] for block in blocks]) for k in range(3))
+    index, pixels, normals = map(np.concatenate, zip(*blocks, strict=True))
     return Observations(
         view, contour.points[index], pixels, normals, np.full(len(index), SIGMA_PX), contour.circle[index]
     )
 
 
 @njit(cache=True, error_model="numpy")
-def _observe(T_world_part, T_camera_world, intrinsics, samples, smooth, claimed, weights):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _observe(T_world_part, cameras, view, samples, smooth, claimed, weights):
     """Numbers (N,) of the samples with an edge in one view, the edges' pixels and the contour's normals (N, 2)."""
-    height, width = claimed.shape
+    height, width = smooth.shape
     size = len(samples.circle)
     T, image, shown = np.empty((4, 4)), np.empty((5, size)), np.empty(size, np.bool_)
     index, pixels, normals = np.empty(size, np.intp), np.empty((size, 2)), np.empty((size, 2))
     profile, slope = np.empty(len(weights), np.float32), np.zeros(len(weights), np.float32)
-    chain(T_camera_world, T_world_part, T)
-    project_samples(T, intrinsics, samples, image, shown)
+    chain(cameras.T_camera_world[view], T_world_part, T)
+    project_samples(T, cameras.intrinsics[view], samples, image, shown)
     count = 0
     for i in np.flatnonzero(shown):
         u, v = image[0, i], image[1, i]
         if not (BORDER_PX <= u <= width - 1 - BORDER_PX and BORDER_PX <= v <= height - 1 - BORDER_PX):
             continue
-        if claimed[int(np.rint(v)), int(np.rint(u))]:
+        if claimed[view, int(np.rint(v)), int(np.rint(u))]:
             continue
         nx, ny = image[3, i], image[4, i]
         offset, _ = edge_along(smooth, u, v, nx, ny, weights, profile, slope)
@@ -119,7 +120,7 @@ def observe_ellipses(
     if not blocks:
         none, flat = np.empty(0, np.intp), np.empty((0, 2))
         return Observations(none, np.empty((0, 3)), flat, flat, np.empty(0), none)
-    view, model, pixels, normals, circle = (np.concatenate([b[j] for b in blocks]) for j in range(5))
+    view, model, pixels, normals, circle = map(np.concatenate, zip(*blocks, strict=True))
     return Observations(view, model, pixels, normals, np.full(len(view), SIGMA_PX), circle)
 
 
@@ -132,12 +133,11 @@ def _image_normals(points: Array, tangents: Array, T_camera_part: Array, fx: flo
     return np.column_stack([along[:, 1], -along[:, 0]])
 
 
-@dataclass(frozen=True, eq=False)
-class Observations:
-    """Edge points matched to points of the model.
+class Observations(NamedTuple):
+    """Edge points matched to points of the model, as the compiled loops read them.
 
     Attributes:
-        view: (N,) index of the view.
+        of_view: (N,) index of the view.
         points_part: (N, 3) model points in the part's frame, metres.
         pixels: (N, 2) where their edge was seen.
         normals: (N, 2) unit normals of the projected contour: only the distance along them is known.
@@ -145,7 +145,7 @@ class Observations:
         circle: (N,) number of the model's circle that the point belongs to.
     """
 
-    view: NDArray[np.intp]
+    of_view: NDArray[np.intp]
     points_part: Array
     pixels: Array
     normals: Array

@@ -10,25 +10,20 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from vision.geometry.camera import View, camera_arrays
+from vision.frozen import frozen_arrays
+from vision.geometry.camera import CameraArrays, View, camera_arrays
 from vision.model.projection import moved, rotated
 from vision.pose.calibration import EXACT, CalibrationError
+from vision.pose.edge_errors import USUAL, EdgeErrors
 from vision.pose.observations import Observations
 
 Array = NDArray[np.float64]
 
-# Systematic errors of edges, on rendered scenes (those that were tuned on, not those that are reported). Their ratios
-# are those of the greatest likelihood; all are half as large again, because the tails are longer than a Gaussian's.
-SHIFT_SIGMA_PX = 0.02  # of all edges of one picture together
-SWELL_SIGMA_PX = 0.063  # of the radius of one rim in one picture
-RIM_SHIFT_SIGMA_PX = 0.032  # of one rim or hole in one picture
-LIFT_SIGMA_PX = 0.078  # of the taught height of one rim
-TWIST_SIGMA_PX = 0.012  # of all holes of one picture about the part's axis
-COMMON_SIGMA_PX = 0.06  # of all edges of all pictures together
 LEAST_CURVATURE = 0.1  # of the cost, over that of the normal matrix
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Refinement:
     """The outcome of a refinement: 4x4 pose, covariance as in PoseEstimate, residuals in sigma, weights 0 to 1."""
 
@@ -48,17 +43,19 @@ def refine_pose(
     inplane: bool,
     robust_scale: float = 3.0,
     calibration: CalibrationError = EXACT,
+    edge_errors: EdgeErrors = USUAL,
 ) -> Refinement | None:
     """Gauss-Newton on the distances of edge points along the contour normals, with Tukey's weights.
 
     Args:
         T_world_part: 4x4 start.
         observe: measures again at every iterate; gets the pose and the iteration's number.
-        views: the views that ``Observations.view`` counts.
+        views: the views that ``Observations.of_view`` counts.
         iterations: number of steps.
         inplane: False holds the rotation about the part's z axis, which coaxial circles cannot tell.
         robust_scale: residual, in robust standard deviations, beyond which an edge point is ignored.
         calibration: how unsure the views' poses and lens are, which the covariance then includes.
+        edge_errors: the errors that many edges share, which it includes, too.
 
     Returns:
         None when too few edge points are left.
@@ -67,7 +64,7 @@ def refine_pose(
     cameras = camera_arrays(views)
     for iteration in range(iterations):
         seen = observe(T, iteration)
-        if len(seen.view) < 12:
+        if len(seen.of_view) < 12:
             return None
         J, residuals = _linearise(T, seen, cameras)
         scale = max(1.4826 * float(np.median(np.abs(residuals))), 0.3)
@@ -81,24 +78,26 @@ def refine_pose(
         N += 1e-9 * np.diag(np.diag(N))
         step = np.asarray(np.linalg.solve(N, J.T @ (weights * residuals)), dtype=np.float64)
         T = _moved(T, step)
+    shared = _systematic(J, weights, seen, T[:3, 2], edge_errors)
     unsure = calibration.pose_covariance(T, seen, J, weights, N, views)
-    return _outcome(T, N, J, residuals, weights, seen, inplane, cameras, unsure)
+    added = (_common_shift(T, cameras, edge_errors.common_px), unsure)
+    return _outcome(T, N, J, residuals, weights, seen, inplane, shared, added)
 
 
-def _linearise(T: Array, seen: Observations, cameras: tuple[Array, Array]) -> tuple[Array, Array]:
+def _linearise(T: Array, seen: Observations, cameras: CameraArrays) -> tuple[Array, Array]:
     """Rows d(residual)/d(translation, rotation) and the residuals, both over sigma."""
-    J, residuals = np.empty((len(seen.view), 6)), np.empty(len(seen.view))
-    _write_rows(T, cameras, (seen.view, seen.points_part, seen.pixels, seen.normals, seen.sigma_px), J, residuals)
+    J, residuals = np.empty((len(seen.of_view), 6)), np.empty(len(seen.of_view))
+    _write_rows(T, cameras, seen, J, residuals)
     return J, residuals
 
 
 @njit(cache=True, error_model="numpy")
-def _write_rows(T, cameras, seen, J, residuals):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def _write_rows(T, cameras, seen, J, residuals):
     """Write what :func:`_linearise` returns."""
-    view, points, pixels, normals, sigma_px = seen
-    for i in range(len(view)):
-        M, (fx, fy, cx, cy) = cameras[0][view[i]], cameras[1][view[i]]
-        ax, ay, az = rotated(T, points[i])
+    pixels, normals, sigma_px = seen.pixels, seen.normals, seen.sigma_px
+    for i in range(len(seen.of_view)):
+        M, (fx, fy, cx, cy) = cameras.T_camera_world[seen.of_view[i]], cameras.intrinsics[seen.of_view[i]]
+        ax, ay, az = rotated(T, seen.points_part[i])
         x, y, z = moved(M, (ax + T[0, 3], ay + T[1, 3], az + T[2, 3]))
         # The normal component of the projection's derivative, in the camera frame and then in the world frame.
         gx, gy = normals[i, 0] * fx, normals[i, 1] * fy
@@ -127,16 +126,16 @@ def _outcome(
     weights: Array,
     seen: Observations,
     inplane: bool,
-    cameras: tuple[Array, Array],
-    unsure: Array,
+    shared: Array,
+    added: Sequence[Array],
 ) -> Refinement:
     kept = max(float(weights.sum()), 1.0)
     # The sandwich of an M-estimator: Tukey's psi is w r, its derivative sqrt(w) (5 sqrt(w) - 4).
     slope = np.sqrt(weights) * (5 * np.sqrt(weights) - 4)
     inverse = _inverse_curvature(J.T @ ((slope - weights)[:, None] * J), N)
     psi = weights * residuals
-    spread = (J * (psi**2)[:, None]).T @ J + _systematic(J, weights, seen, T[:3, 2])
-    covariance = inverse @ spread @ inverse + _common_shift(T, cameras) + unsure
+    spread = (J * (psi**2)[:, None]).T @ J + shared
+    covariance = sum(added, start=inverse @ spread @ inverse)
     if not inplane:
         axis = np.concatenate([np.zeros(3), T[:3, 2]])
         covariance = covariance + np.pi**2 / 3 * np.outer(axis, axis)  # uniform over the circle
@@ -156,7 +155,7 @@ def _inverse_curvature(change: Array, N: Array) -> Array:
     return np.asarray(back / np.maximum(shares, LEAST_CURVATURE) @ back.T)
 
 
-def _systematic(J: Array, weights: Array, seen: Observations, axis: Array) -> Array:
+def _systematic(J: Array, weights: Array, seen: Observations, axis: Array, errors: EdgeErrors) -> Array:
     """What errors common to many edge points add to the covariance of the right-hand side Jᵀ W r.
 
     Light and shade shift the edges of one picture together, widen or narrow one rim in it, and the taught positions
@@ -177,11 +176,11 @@ def _systematic(J: Array, weights: Array, seen: Observations, axis: Array) -> Ar
     of_circle = _one_hot(circle) @ of_rim
     common = np.vstack(
         [
-            SWELL_SIGMA_PX * of_rim[0],
-            *(RIM_SHIFT_SIGMA_PX * of_rim[1:3]),
-            *(SHIFT_SIGMA_PX * of_view[1:3]),
-            TWIST_SIGMA_PX * of_view[3],
-            LIFT_SIGMA_PX * of_circle[4],
+            errors.swell_px * of_rim[0],
+            *(errors.rim_shift_px * of_rim[1:3]),
+            *(errors.shift_px * of_view[1:3]),
+            errors.twist_px * of_view[3],
+            errors.lift_px * of_circle[4],
         ]
     )
     return common.T @ common
@@ -194,7 +193,7 @@ def _sums_by_rim(rows: Array, moved: Array, seen: Observations) -> tuple[Array, 
         The sums, and of each of the G the number of its view and of its circle.
     """
     circles = int(seen.circle.max()) + 1
-    rims, of_point = np.unique(seen.view * circles + seen.circle, return_inverse=True)
+    rims, of_point = np.unique(seen.of_view * circles + seen.circle, return_inverse=True)
     return _one_hot(of_point) @ (moved[:, :, None] * rows), rims // circles, rims % circles
 
 
@@ -203,12 +202,12 @@ def _one_hot(group: NDArray[np.intp]) -> Array:
     return np.asarray(group == np.unique(group)[:, None], dtype=np.float64)
 
 
-def _common_shift(T: Array, cameras: tuple[Array, Array]) -> Array:
+def _common_shift(T: Array, cameras: CameraArrays, sigma_px: float) -> Array:
     """Covariance (6, 6) of an error across the line of sight that is the same in all views, as light makes it."""
-    eyes = [-M[:3, :3].T @ M[:3, 3] for M in cameras[0]]
+    eyes = [-M[:3, :3].T @ M[:3, 3] for M in cameras.T_camera_world]
     sight = T[:3, 3] - np.mean(eyes, axis=0)
     distance = np.linalg.norm(sight)
-    sigma = COMMON_SIGMA_PX * distance / cameras[1][0, 0]
+    sigma = sigma_px * distance / cameras.intrinsics[0, 0]
     out = np.zeros((6, 6))
     out[:3, :3] = sigma**2 * (np.eye(3) - np.outer(sight, sight) / distance**2)
     return out

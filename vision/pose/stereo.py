@@ -18,7 +18,7 @@ from vision.errors import InputError
 from vision.features import EllipseFeature
 from vision.geometry.camera import View
 from vision.geometry.ellipse import Ellipse
-from vision.model.vision_model import SalientCircles
+from vision.model.vision_model import CoaxialCircle, SalientCircles
 
 Array = NDArray[np.float64]
 
@@ -93,8 +93,7 @@ def rim_correspondences(
         for a, b in combinations(seen.tolist(), 2):
             pair = (views[a], views[b])
             ellipses = (features[a][matches[a, k]].ellipse, features[b][matches[b, k]].ellipse)
-            rim = (circles.height[k], circles.radius[k])
-            model, points, weight = _rim_points(T_world_part, pair, ellipses, rim, farthest_m)
+            model, points, weight = _rim_points(T_world_part, pair, ellipses, circles.circle(k), farthest_m)
             of_part.append(model)
             of_world.append(points)
             weights.append(weight)
@@ -152,11 +151,11 @@ def _rim_points(
     T_world_part: Array,
     views: tuple[View, View],
     ellipses: tuple[Ellipse, Ellipse],
-    rim: tuple[float, float],
+    rim: CoaxialCircle,
     farthest_m: float,
 ) -> tuple[Array, Array, Array]:
     """Points of a rim from two views: (N, 3) in the part's frame, (N, 3) in the world, and weights (N,)."""
-    height, radius = rim
+    height, radius = rim.height, rim.radius
     pixels = ellipses[0].sample(POINTS_PER_ELLIPSE)
     partners, crossing = corresponding_points(pixels, views, ellipses[1])
     origins = np.stack([v.T_world_camera.translation for v in views])

@@ -96,7 +96,7 @@ def measure_shape(contour: Contour, area_px: float) -> tuple[float, float, float
 
 
 @njit(cache=True)
-def _outline(contour, reach):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _outline(contour, reach):
     """Length of a closed pixel chain, the area inside, and perimeter² / area of the ellipse with its moments."""
     area, xx, xy, yy = _moments(contour)
     length = _length(contour, reach if len(contour) > 2 * (2 * reach + 1) else 0)
@@ -112,7 +112,7 @@ def _outline(contour, reach):  # type: ignore[no-untyped-def]  # pragma: no cove
 
 
 @njit(cache=True)
-def _length(contour, reach):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _length(contour, reach):
     """Length of the closed chain of running means over 2 ``reach`` + 1 points."""
     n = len(contour)
     length = 0.0
@@ -124,7 +124,7 @@ def _length(contour, reach):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _moments(contour):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _moments(contour):
     """Area inside a closed polygon, and its central second moments xx, xy and yy over the area (Green's theorem)."""
     area = x_sum = y_sum = xx = xy = yy = 0.0
     origin_x, origin_y = contour[0, 0], contour[0, 1]

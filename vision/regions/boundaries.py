@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from vision.edges.peaks import log_peak, slope_across
+from vision.features import RegionAttributes
+from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Array
 from vision.regions.attributes import Contour
 
@@ -21,6 +24,7 @@ _PROFILE = np.arange(-2.0, 5.0)
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Boundaries:
     """Sub-pixel edge points of contours of regions, in order along each, one contour after the other.
 
@@ -36,9 +40,24 @@ class Boundaries:
     ends: NDArray[np.intp]
 
 
+class Outline(NamedTuple):
+    """A boundary of a region in whole pixels.
+
+    Attributes:
+        contour: (M, 2) closed.
+        is_hole: whether it is an inner boundary.
+        attributes: of the region.
+    """
+
+    contour: Contour
+    is_hole: bool
+    attributes: RegionAttributes
+
+
 def refine_boundaries(
-    contours: Sequence[tuple[Contour, bool]],
-    gradient: tuple[NDArray[np.int16], NDArray[np.int16]],
+    outlines: Sequence[Outline],
+    dx: NDArray[np.int16],
+    dy: NDArray[np.int16],
     min_gradient: float,
     spacing: int,
 ) -> Boundaries:
@@ -47,24 +66,25 @@ def refine_boundaries(
     Points without a peak are dropped; that is where a region ends without an edge, or at the image border.
 
     Args:
-        contours: closed pixel contours (M, 2), and whether each is an inner boundary.
-        gradient: of the blurred image along x and y, each (H, W).
+        outlines: of regions.
+        dx: (H, W) gradient of the blurred image along x.
+        dy: (H, W) the same along y.
         min_gradient: smallest peak, in the unit of the gradient.
         spacing: every how many contour points one is taken.
 
     Returns:
-        A boundary for each contour.
+        A boundary for each outline.
     """
-    if not contours:
+    if not outlines:
         return Boundaries(np.empty((0, 2)), np.empty((0, 2)), np.zeros(1, np.intp))
-    pixels = np.concatenate([contour for contour, _ in contours])
-    ends = np.cumsum([0, *(len(contour) for contour, _ in contours)])
-    is_hole = np.array([is_hole for _, is_hole in contours])
-    return Boundaries(*_refine(pixels, ends, is_hole, *gradient, float(min_gradient), spacing))
+    pixels = np.concatenate([outline.contour for outline in outlines])
+    ends = np.cumsum([0, *(len(outline.contour) for outline in outlines)])
+    is_hole = np.array([outline.is_hole for outline in outlines])
+    return Boundaries(*_refine(pixels, ends, is_hole, dx, dy, float(min_gradient), spacing))
 
 
 @njit(cache=True)
-def _refine(pixels, ends, is_hole, dx, dy, min_gradient, spacing):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _refine(pixels, ends, is_hole, dx, dy, min_gradient, spacing):
     """The arrays of :class:`Boundaries` of contours that lie in ``pixels`` as these do."""
     points, outwards = np.empty((len(pixels), 2)), np.empty((len(pixels), 2))
     new_ends = np.zeros_like(ends)
@@ -84,7 +104,7 @@ def _refine(pixels, ends, is_hole, dx, dy, min_gradient, spacing):  # type: igno
 
 
 @njit(cache=True)
-def _normals(contour, is_hole, spacing):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _normals(contour, is_hole, spacing):
     """Unit normals (N, 2) at every ``spacing``-th point of a closed contour, away from the region."""
     n = len(contour)
     reach = min(_TANGENT_REACH, max(n // 8, 1))
@@ -104,7 +124,7 @@ def _normals(contour, is_hole, spacing):  # type: ignore[no-untyped-def]  # prag
 
 
 @njit(cache=True)
-def _innermost_peak(x, y, normal, dx, dy, min_gradient):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _innermost_peak(x, y, normal, dx, dy, min_gradient):
     """Offset along a normal from (x, y) of the first peak of the gradient that is large enough; NaN without one."""
     before, here = 0.0, 0.0
     for k in range(len(_PROFILE)):

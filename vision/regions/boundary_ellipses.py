@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Array
 from vision.geometry.ellipse_fit import refine_ellipse
 from vision.regions.boundaries import Boundaries
@@ -21,8 +22,8 @@ _CELL_PX = 6.0
 """Length of circumference that one point covers."""
 
 
-class Limits(NamedTuple):
-    """When a boundary passes for an ellipse: the settings of ``BoundaryFit``, and of its points.
+class BoundaryLimits(NamedTuple):
+    """When a boundary passes for an ellipse: the settings of ``BoundaryFitParameters``, and of its points.
 
     Attributes:
         blur_variance: of the image in px², which draws edges inwards.
@@ -41,6 +42,7 @@ class Limits(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class BoundaryEllipses:
     """The ellipses on boundaries, in the order of these.
 
@@ -65,7 +67,7 @@ class BoundaryEllipses:
     ends: NDArray[np.intp]
 
 
-def find_ellipses(boundaries: Boundaries, limits: Limits) -> BoundaryEllipses:
+def find_ellipses(boundaries: Boundaries, limits: BoundaryLimits) -> BoundaryEllipses:
     """Find the ellipses on boundaries, on each the one that most points agree with first.
 
     Points that an ellipse on an earlier boundary explains are left out, for the two sides of a rim see the same
@@ -75,7 +77,7 @@ def find_ellipses(boundaries: Boundaries, limits: Limits) -> BoundaryEllipses:
 
 
 @njit(cache=True)
-def _find(points, outwards, ends, limits):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _find(points, outwards, ends, limits):
     """The arrays of :class:`BoundaryEllipses`."""
     most = (len(ends) - 1) * limits.max_per_boundary
     p, covariance, geometric = np.empty((most, 5)), np.empty((most, 5, 5)), np.empty((most, 5))
@@ -122,7 +124,7 @@ def _find(points, outwards, ends, limits):  # type: ignore[no-untyped-def]  # pr
 
 
 @njit(cache=True)
-def _is_promising(rough, count, limits):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _is_promising(rough, count, limits):
     """Whether an ellipse (5,) and the number of points that agree with it are nearly good enough to pass."""
     semi_major, semi_minor = rough[2], rough[3]
     # Steps along a pixel contour are at most a diagonal long, so that few points cannot cover much.
@@ -132,7 +134,7 @@ def _is_promising(rough, count, limits):  # type: ignore[no-untyped-def]  # prag
 
 
 @njit(cache=True)
-def _settle(p, is_on, points, outwards, limits):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _settle(p, is_on, points, outwards, limits):
     """Fit the ellipse to the points that agree with it, and again, until these are the same points.
 
     Returns:
@@ -154,21 +156,21 @@ def _settle(p, is_on, points, outwards, limits):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _passes(geometric, count, rms, support, limits):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _passes(geometric, count, rms, support, limits):
     """Whether an ellipse is large and round enough, and well covered by enough points close by."""
     is_round = geometric[3] >= max(limits.min_semi_axis_px, limits.min_axis_ratio * geometric[2])
     return is_round and count >= _MIN_POINTS and rms <= limits.max_rms_px and support >= limits.min_support
 
 
 @njit(cache=True)
-def covered(geometric, points, cell_px):  # type: ignore[no-untyped-def]  # pragma: no cover
+def covered(geometric, points, cell_px):
     """The part of the circumference, cut into cells of about the given length, that has points (N, 2) near it."""
     cells = min(max(int(np.pi * (geometric[2] + geometric[3]) / cell_px), 12), 360)
     return part_covered(geometric, points, cells)
 
 
 @njit(cache=True)
-def geometric_of(p):  # type: ignore[no-untyped-def]  # pragma: no cover
+def geometric_of(p):
     """Centre, semi-axes and angle (5,) of focal parameters (5,)."""
     x, y = p[0] - p[2], p[1] - p[3]
     semi_major = p[4] / 2
@@ -177,7 +179,7 @@ def geometric_of(p):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _focal(geometric):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _focal(geometric):
     """The inverse of :func:`geometric_of`."""
     x, y, semi_major, semi_minor, angle = geometric
     half = np.sqrt(max(semi_major**2 - semi_minor**2, 0.0))
@@ -186,7 +188,7 @@ def _focal(geometric):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _conic(geometric):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _conic(geometric):
     """The symmetric conic (3, 3), negative inside, of a :func:`geometric_of`."""
     x, y, semi_major, semi_minor, angle = geometric
     c, s = np.cos(angle) / semi_major, np.sin(angle) / semi_major

@@ -21,7 +21,7 @@ _MIN_TURN_COS = np.cos(np.radians(25.0))
 
 
 @njit(cache=True)
-def agree(conic, points, outwards, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
+def agree(conic, points, outwards, tolerance):
     """Which points lie on a conic, where the boundary faces the way the conic does.
 
     Args:
@@ -41,13 +41,13 @@ def agree(conic, points, outwards, tolerance):  # type: ignore[no-untyped-def]  
 
 
 @njit(cache=True)
-def _terms(conic):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _terms(conic):
     """The six different elements of a conic (3, 3), row by row."""
     return conic[0, 0], conic[0, 1], conic[0, 2], conic[1, 1], conic[1, 2], conic[2, 2]
 
 
 @njit(cache=True, inline="always")
-def _lies_on(terms, x, y, outwards_x, outwards_y, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _lies_on(terms, x, y, outwards_x, outwards_y, tolerance):
     """Whether one point lies on a conic, compared in squares and without branches, so that many run at once."""
     xx, xy, x1, yy, y1, one = terms
     slope_x, slope_y = xx * x + xy * y + x1, xy * x + yy * y + y1
@@ -59,7 +59,7 @@ def _lies_on(terms, x, y, outwards_x, outwards_y, tolerance):  # type: ignore[no
 
 
 @njit(cache=True)
-def _count(conic, x, y, outwards_x, outwards_y, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _count(conic, x, y, outwards_x, outwards_y, tolerance):
     """How many points :func:`agree` with a conic; coordinates and normals (N,) each."""
     count = 0
     terms = _terms(conic)
@@ -69,7 +69,7 @@ def _count(conic, x, y, outwards_x, outwards_y, tolerance):  # type: ignore[no-u
 
 
 @njit(cache=True)
-def explained(conics, counts, points, outwards, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
+def explained(conics, counts, points, outwards, tolerance):
     """Which points lie on one of the conics (M, 3, 3) that was found with about as many points (M,), or more."""
     known = np.zeros(len(points), np.bool_)
     if len(points) == 0:
@@ -88,7 +88,7 @@ def explained(conics, counts, points, outwards, tolerance):  # type: ignore[no-u
 
 
 @njit(cache=True)
-def _may_meet(conic, first, last):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _may_meet(conic, first, last):
     """Whether the bounding box of an ellipse (3, 3) meets the box between two corners (2,)."""
     determinant = conic[0, 0] * conic[1, 1] - conic[0, 1] ** 2
     centre_x = (conic[0, 1] * conic[1, 2] - conic[1, 1] * conic[0, 2]) / determinant
@@ -100,7 +100,7 @@ def _may_meet(conic, first, last):  # type: ignore[no-untyped-def]  # pragma: no
 
 
 @njit(cache=True)
-def best_stretch(points, outwards, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
+def best_stretch(points, outwards, tolerance):
     """The ellipse, fitted to a stretch of a closed boundary, that most of all points agree with.
 
     Args:
@@ -139,7 +139,7 @@ def best_stretch(points, outwards, tolerance):  # type: ignore[no-untyped-def]  
 
 
 @njit(cache=True)
-def _geometric(conic):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _geometric(conic):
     """Centre, semi-axes and angle (5,) of a conic (3, 3) with a + c = 1; all 0 where it is no real ellipse."""
     a, b, c, d, e = conic[0, 0], conic[0, 1], conic[1, 1], conic[0, 2], conic[1, 2]
     determinant = a * c - b * b
@@ -155,7 +155,7 @@ def _geometric(conic):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def undo_shrinking(geometric, points, blur_variance):  # type: ignore[no-untyped-def]  # pragma: no cover
+def undo_shrinking(geometric, points, blur_variance):
     """Edge points (N, 2) of an ellipse (5,) put back to where they were before the image was blurred.
 
     Blur draws the edge of a disc of radius R inwards by variance / (2 R), bright discs and dark ones alike.
@@ -175,7 +175,7 @@ def undo_shrinking(geometric, points, blur_variance):  # type: ignore[no-untyped
 
 
 @njit(cache=True)
-def rms_distance(conic, points):  # type: ignore[no-untyped-def]  # pragma: no cover
+def rms_distance(conic, points):
     """Root mean square of the first-order distances of points (N, 2) to a conic (3, 3)."""
     total = 0.0
     for i in range(len(points)):
@@ -188,7 +188,7 @@ def rms_distance(conic, points):  # type: ignore[no-untyped-def]  # pragma: no c
 
 
 @njit(cache=True)
-def part_covered(geometric, points, cells):  # type: ignore[no-untyped-def]  # pragma: no cover
+def part_covered(geometric, points, cells):
     """The part of the circumference, cut into cells of equal eccentric angle, that has points (N, 2) near it."""
     x, y, semi_major, semi_minor, angle = geometric
     cos, sin = np.cos(angle), np.sin(angle)
@@ -203,7 +203,7 @@ def part_covered(geometric, points, cells):  # type: ignore[no-untyped-def]  # p
 
 
 @njit(cache=True)
-def _running_sums(points):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _running_sums(points):
     """(2 N + 1, 20) sums of the normal equations over the first points, twice round the boundary.
 
     The conic is a x² + b xy + c y² + d x + e y + f = 0 with a + c = 1, which leaves five unknowns, linear. The sums
@@ -224,7 +224,7 @@ def _running_sums(points):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _fit_conic(before, after):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _fit_conic(before, after):
     """The least-squares conic (3, 3) of the points between two :func:`_running_sums`; all 0 where there is none."""
     normal, solution = np.empty((5, 5)), np.empty(5)
     at = 0

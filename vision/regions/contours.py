@@ -8,6 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.frozen import frozen_arrays
+
 _STEPS = np.array([[1, 0], [1, -1], [0, -1], [-1, -1], [-1, 0], [-1, 1], [0, 1], [1, 1]])
 """(x, y) of the eight neighbours, counter-clockwise as seen on the screen, from the one to the right."""
 
@@ -15,6 +17,7 @@ _SEEN, _SEEN_WITH_RIGHT_SIDE = 1, -1
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Contours:
     """The boundary pixels of regions.
 
@@ -22,13 +25,11 @@ class Contours:
         points: (M, 2) int32 pixels (x, y), one contour after the other.
         ends: (K + 1,) where contour k lies: ``points[ends[k]:ends[k + 1]]``.
         labels: (K,) the region that each contour bounds.
-        is_hole: (K,) whether it is an inner boundary.
     """
 
     points: NDArray[np.int32]
     ends: NDArray[np.int64]
     labels: NDArray[np.int32]
-    is_hole: NDArray[np.bool_]
 
 
 def trace_contours(labels: NDArray[np.int32], wanted: NDArray[np.bool_]) -> Contours:
@@ -46,12 +47,12 @@ def trace_contours(labels: NDArray[np.int32], wanted: NDArray[np.bool_]) -> Cont
 
 
 @njit(cache=True)
-def _trace(labels, wanted):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _trace(labels, wanted):
     """The arrays of :class:`Contours`."""
     height, width = labels.shape
     marks = np.zeros(labels.shape, np.int8)
     chain = np.empty((4096, 2), np.int32)
-    ends, of_region, is_hole = [0], [labels[0, 0]], [False]
+    ends, of_region = [0], [labels[0, 0]]
     for y in range(height):
         for x in range(width):
             label = labels[y, x]
@@ -64,13 +65,12 @@ def _trace(labels, wanted):  # type: ignore[no-untyped-def]  # pragma: no cover
                 chain, end = _follow(labels, marks, x, y, not starts_outer, chain, ends[-1])
                 ends.append(end)
                 of_region.append(label)
-                is_hole.append(not starts_outer)
-    # The lists begin with a dummy, for Numba asks for the type of their elements.
-    return chain[: ends[-1]].copy(), np.array(ends), np.array(of_region)[1:], np.array(is_hole)[1:]
+    # The second list begins with a dummy, for Numba asks for the type of its elements.
+    return chain[: ends[-1]].copy(), np.array(ends), np.array(of_region)[1:]
 
 
 @njit(cache=True)
-def _follow(labels, marks, x, y, is_hole, chain, n):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _follow(labels, marks, x, y, is_hole, chain, n):
     """Follow one contour from its first pixel into ``chain``, at ``n``: this, or a longer one, and the end."""
     label = labels[y, x]
     stop = direction = 0 if is_hole else 4
@@ -105,6 +105,6 @@ def _follow(labels, marks, x, y, is_hole, chain, n):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def _is(labels, x, y, label):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _is(labels, x, y, label):
     """Whether a pixel lies in the image and has this label."""
     return 0 <= x < labels.shape[1] and 0 <= y < labels.shape[0] and labels[y, x] == label

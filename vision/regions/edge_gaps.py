@@ -50,7 +50,7 @@ def link_edges(edges: NDArray[np.bool_], gap_px: int = 3) -> NDArray[np.bool_]:
 
 
 @njit(cache=True)
-def _neighbours(edges, x, y, out):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _neighbours(edges, x, y, out):
     """Write the edges among the 8 neighbours of a pixel to ``out`` (8, 2), those sharing a side first; count them."""
     height, width = edges.shape
     n = 0
@@ -67,7 +67,7 @@ def _neighbours(edges, x, y, out):  # type: ignore[no-untyped-def]  # pragma: no
 
 
 @njit(cache=True)
-def _is_end(around, n):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _is_end(around, n):
     """Whether a pixel with these neighbours ends a chain: one neighbour, or two that touch (the tip of a stair)."""
     if n == 1:
         return True
@@ -75,7 +75,7 @@ def _is_end(around, n):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _walk_back(edges, x, y, chain, around):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _walk_back(edges, x, y, chain, around):
     """Follow the chain from its end at (x, y) into ``chain`` (N, 2); the number of pixels found."""
     chain[0, 0], chain[0, 1] = x, y
     length = 1
@@ -97,7 +97,7 @@ def _walk_back(edges, x, y, chain, around):  # type: ignore[no-untyped-def]  # p
 
 
 @njit(cache=True)
-def _reach(edges, chain, length, angle, gap_px):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _reach(edges, chain, length, angle, gap_px):
     """Steps from the chain's end along a direction until another edge or the border is touched; 0 for never."""
     height, width = edges.shape
     cos, sin = np.cos(angle), np.sin(angle)
@@ -114,7 +114,7 @@ def _reach(edges, chain, length, angle, gap_px):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _extend_ends(edges, linked, gap_px, turns):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _extend_ends(edges, linked, gap_px, turns):
     """Extend every chain end of ``edges``, drawing into ``linked``; the straightest short way wins."""
     height, width = edges.shape
     around = np.empty((8, 2), np.int64)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from vision.regions.quadtree import Labels, Quadtree, SplitAndMerge
+from vision.regions.quadtree import Labels, Quadtree, SplitAndMergeParameters
 
 BOUNDARY = 0
 """Label of the pixels that belong to no region: edge pixels, and specks too small to be regions."""
@@ -14,7 +14,7 @@ _STEPS_PER_LEVEL = 64
 """Steps between grey levels are told apart to 1 / 64, finer than any threshold, so that sorting is counting."""
 
 
-def merge(tree: Quadtree, settings: SplitAndMerge) -> Labels:
+def merge(tree: Quadtree, parameters: SplitAndMergeParameters) -> Labels:
     """Merge neighbouring leaves of similar grey into regions, the most similar pair first.
 
     Two leaves are neighbours when they share a side (edges are 8-connected, so that sharing a corner would let
@@ -30,15 +30,15 @@ def merge(tree: Quadtree, settings: SplitAndMerge) -> Labels:
         tree.size,
         tree.is_edge,
         tree.grey_sum,
-        float(settings.max_step),
-        float(settings.max_contrast),
-        float(settings.min_area_px),
+        float(parameters.max_step),
+        float(parameters.max_contrast),
+        float(parameters.min_area_px),
     )
     return labels
 
 
 @njit(cache=True)
-def _merge(leaf, size, is_edge, grey_sum, max_step, max_contrast, min_area):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _merge(leaf, size, is_edge, grey_sum, max_step, max_contrast, min_area):
     """The labels (N,) of :func:`merge`."""
     area, mean = np.empty(len(size), np.int32), np.empty(len(size))
     for i in range(len(size)):
@@ -63,7 +63,7 @@ def _merge(leaf, size, is_edge, grey_sum, max_step, max_contrast, min_area):  # 
 
 
 @njit(cache=True)
-def _neighbour_pairs(leaf, mean, max_step):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _neighbour_pairs(leaf, mean, max_step):
     """Pairs (M, 2) of leaves that share a side, by the step between their means, and how many have a small step.
 
     A pair is repeated for each pixel of the side. Leaves whose mean is NaN have no neighbours. Equal steps stay in
@@ -90,7 +90,7 @@ def _neighbour_pairs(leaf, mean, max_step):  # type: ignore[no-untyped-def]  # p
 
 
 @njit(cache=True)
-def _sides(flat, width):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _sides(flat, width):
     """Different leaves of neighbouring pixels: first of all that lie side by side, then one below the other."""
     first, second = np.empty(2 * len(flat) + 1, np.int32), np.empty(2 * len(flat) + 1, np.int32)
     n = 0
@@ -106,7 +106,7 @@ def _sides(flat, width):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _find(root, i):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _find(root, i):
     """Root of a leaf, halving the path on the way."""
     while root[i] != i:
         root[i] = root[root[i]]
@@ -115,7 +115,7 @@ def _find(root, i):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _unite(root, pairs, similar, area, total, max_contrast, min_area):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _unite(root, pairs, similar, area, total, max_contrast, min_area):
     """Union-find over the pairs in order: the first ``similar`` ones by contrast, then all by lack of area.
 
     ``root`` (N,) becomes the root of each leaf, ``area`` and ``total`` at the roots become those of the regions.
@@ -140,7 +140,7 @@ def _unite(root, pairs, similar, area, total, max_contrast, min_area):  # type: 
 
 
 @njit(cache=True)
-def _join(root, area, total, a, b):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _join(root, area, total, a, b):
     """Make the larger of two regions the root of the other."""
     if area[a] < area[b]:
         a, b = b, a

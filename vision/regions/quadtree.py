@@ -9,13 +9,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.settings import NOT_NEGATIVE, check, count
 
 Labels = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
-class SplitAndMerge:
+class SplitAndMergeParameters:
     """What counts as homogeneous and as similar, in grey levels.
 
     Attributes:
@@ -43,6 +44,7 @@ class SplitAndMerge:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Quadtree:
     """The leaves of a split image: squares that cover every pixel exactly once.
 
@@ -66,25 +68,17 @@ class Quadtree:
     grey_sum: NDArray[np.float64]
     grey_square_sum: NDArray[np.float64]
 
-    def __post_init__(self) -> None:
-        for a in vars(self).values():
-            a.flags.writeable = False
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Quadtree, tuple(vars(self).values()))
-
     def __len__(self) -> int:
         return len(self.x)
 
 
-def split(gray: NDArray[np.uint8], edges: NDArray[np.bool_], settings: SplitAndMerge) -> Quadtree:
+def split(gray: NDArray[np.uint8], edges: NDArray[np.bool_], parameters: SplitAndMergeParameters) -> Quadtree:
     """Split the image until every block is homogeneous: no edge pixel inside, small grey deviation and range.
 
     Args:
         gray: (H, W) grey levels.
         edges: (H, W) edge map, as linked.
-        settings: thresholds.
+        parameters: thresholds.
 
     Returns:
         The leaves, largest first. Single pixels are always leaves where nothing larger is homogeneous.
@@ -92,15 +86,15 @@ def split(gray: NDArray[np.uint8], edges: NDArray[np.bool_], settings: SplitAndM
     leaf_of_pixel, *of_leaf = _split(
         np.ascontiguousarray(gray),
         np.ascontiguousarray(edges),
-        settings.root_size_px.bit_length() - 1,
-        float(settings.max_deviation**2),
-        float(settings.max_range),
+        parameters.root_size_px.bit_length() - 1,
+        float(parameters.max_deviation**2),
+        float(parameters.max_range),
     )
     return Quadtree(leaf_of_pixel, *of_leaf)
 
 
 @njit(cache=True)
-def _split(gray, edges, depth, max_variance, max_range):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _split(gray, edges, depth, max_variance, max_range):
     """The arrays of the :class:`Quadtree` whose largest blocks have the side 2 ** ``depth``."""
     height, width = gray.shape
     leaf_of_pixel = np.full((height, width), -1, np.int32)
@@ -135,7 +129,7 @@ def _split(gray, edges, depth, max_variance, max_range):  # type: ignore[no-unty
 
 
 @njit(cache=True)
-def _uncovered(leaf_of_pixel, blocks, side, max_variance, max_range):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _uncovered(leaf_of_pixel, blocks, side, max_variance, max_range):
     """Numbers of the homogeneous blocks of one size that lie in no leaf yet, row by row."""
     found = np.empty(blocks.shape[0] * blocks.shape[1] + 1, np.int32)
     n = 0
@@ -151,7 +145,7 @@ def _uncovered(leaf_of_pixel, blocks, side, max_variance, max_range):  # type: i
 
 
 @njit(cache=True)
-def _negative(numbers):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _negative(numbers):
     """Where numbers (N,) are below 0."""
     found = np.empty(len(numbers) + 1, np.int32)
     n = 0
@@ -162,7 +156,7 @@ def _negative(numbers):  # type: ignore[no-untyped-def]  # pragma: no cover
 
 
 @njit(cache=True)
-def _cover(leaf_of_pixel, blocks, columns, side, n):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _cover(leaf_of_pixel, blocks, columns, side, n):
     """Number the pixels of blocks, ``columns`` of which lie in a row, from leaf ``n`` on; the number after these."""
     for block in blocks:
         top, left = block // columns * side, block % columns * side
@@ -174,7 +168,7 @@ def _cover(leaf_of_pixel, blocks, columns, side, n):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def _quarter_pixels(gray, edges):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _quarter_pixels(gray, edges):
     """(H // 2, W // 2, 4) sum, sum of squares, least and greatest grey of blocks of four pixels.
 
     A block with an edge pixel has the greatest grey 2 ** 30, so that no such block is homogeneous.
@@ -193,7 +187,7 @@ def _quarter_pixels(gray, edges):  # type: ignore[no-untyped-def]  # pragma: no 
 
 
 @njit(cache=True)
-def _quarter(blocks):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _quarter(blocks):
     """The same over four blocks each."""
     quarters = np.empty((blocks.shape[0] // 2, blocks.shape[1] // 2, 4), blocks.dtype)
     for row in range(quarters.shape[0]):

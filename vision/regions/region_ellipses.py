@@ -6,24 +6,21 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from vision.errors import InputError
 from vision.features import EllipseFeature
-from vision.geometry.ellipse import Array, Ellipse
+from vision.geometry.ellipse import Ellipse
 from vision.regions.attributes import AttributeConstraints
-from vision.regions.boundaries import refine_boundaries
-from vision.regions.boundary_ellipses import Limits, covered, find_ellipses
-from vision.regions.segmentation import Region, RegionGrowing, Segmentation, check_gray, gradient, segment
+from vision.regions.boundaries import Outline, refine_boundaries
+from vision.regions.boundary_ellipses import BoundaryLimits, find_ellipses
+from vision.regions.segmentation import Region, RegionGrowingParameters, Segmentation, gradient, segment
 from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, check, count
 
 __all__ = [
     "AttributeConstraints",
-    "BoundaryFit",
+    "BoundaryFitParameters",
     "Region",
-    "RegionGrowing",
+    "RegionGrowingParameters",
     "Segmentation",
-    "circumference_covered",
     "region_ellipses",
     "segment",
 ]
@@ -40,7 +37,7 @@ _CORRELATION = 0.31
 
 
 @dataclass(frozen=True)
-class BoundaryFit:
+class BoundaryFitParameters:
     """When a boundary passes for an ellipse.
 
     Attributes:
@@ -68,10 +65,8 @@ class BoundaryFit:
 
 def region_ellipses(
     segmentation: Segmentation,
-    gray: NDArray[np.uint8],
     constraints: AttributeConstraints | None = None,
-    fit: BoundaryFit | None = None,
-    growing: RegionGrowing | None = None,
+    fit: BoundaryFitParameters | None = None,
 ) -> list[EllipseFeature]:
     """Ellipses on the outer and inner boundaries of the regions that the constraints leave.
 
@@ -80,38 +75,31 @@ def region_ellipses(
     has to cover enough of the circumference.
 
     Args:
-        segmentation: of the image.
-        gray: (H, W) uint8, the image that was segmented.
+        segmentation: of the image, which it holds with the settings it was made with.
         constraints: on the attributes of regions; None prunes nothing.
         fit: when a boundary passes for an ellipse; None for the defaults.
-        growing: the settings that the segmentation was made with; None for the defaults.
 
     Returns:
-        Features with ``process="region"`` and the attributes of their region, best score first; one per ellipse,
+        Features with ``extractor="region"`` and the attributes of their region, best score first; one per ellipse,
         also where regions on its two sides both found it.
-
-    Raises:
-        InputError: when the image is not the one that was segmented, by its shape or type.
     """
-    fit, growing = fit or BoundaryFit(), growing or RegionGrowing()
-    gray = check_gray(gray)
-    if gray.shape != segmentation.labels.shape:
-        raise InputError(
-            "image", got=gray.shape, expected=f"the shape that was segmented, {segmentation.labels.shape}"
-        )
+    fit, growing = fit or BoundaryFitParameters(), segmentation.parameters
     constraints = constraints or AttributeConstraints()
     regions = segmentation.prune(constraints)
-    outer = [(region.contour, False, region.attributes) for region in regions]
-    inner = [(hole, True, region.attributes) for region in regions for hole in region.holes]
+    outer = [Outline(region.contour, False, region.attributes) for region in regions]
+    inner = [Outline(hole, True, region.attributes) for region in regions for hole in region.holes]
     # A contour has up to a third fewer points than pixels of length: its diagonal steps are longer than one.
     least_px, _ = constraints.perimeter_px or (0.0, np.inf)
     shortest = max(np.pi * fit.min_semi_axis_px, least_px / np.sqrt(2))
     # Outer boundaries first: an ellipse that two regions share gets the attributes of the region inside it.
-    candidates = [c for c in outer + inner if len(c[0]) > shortest]
-    slopes = gradient(gray, growing.blur_px)
-    boundaries = refine_boundaries([c[:2] for c in candidates], slopes, 32 * growing.edge_low, _SPACING)
+    outlines = [outline for outline in outer + inner if len(outline.contour) > shortest]
+    if not outlines:
+        return []
+    dx, dy = gradient(segmentation.gray, growing.blur_px)
+    boundaries = refine_boundaries(outlines, dx, dy, 32 * growing.edge_low, _SPACING)
     blur_variance = growing.blur_px**2 + _CAMERA_AND_SOBEL_VARIANCE
-    found = find_ellipses(boundaries, Limits(**asdict(fit), blur_variance=blur_variance, spacing_px=float(_SPACING)))
+    limits = BoundaryLimits(**asdict(fit), blur_variance=blur_variance, spacing_px=float(_SPACING))
+    found = find_ellipses(boundaries, limits)
     score = found.support / (1 + (found.rms_px / fit.max_rms_px) ** 2)
     best_first = np.argsort(-score, kind="stable")
     # Sums over a chain of correlated errors vary more than sums over independent ones, by this factor.
@@ -123,19 +111,14 @@ def region_ellipses(
             found.points[found.ends[i] : found.ends[i + 1]],
             float(found.support[i]),
             float(score[i]),
-            candidates[found.boundary[i]][2],
+            outlines[found.boundary[i]].attributes,
         )
         for i in best_first[_is_distinct(found.geometric[best_first])]
     ]
 
 
-def circumference_covered(ellipse: Ellipse, points: Array, cell_px: float = 6.0) -> float:
-    """The part of the circumference, cut into cells of about the given length, that has points (N, 2) near it."""
-    return float(covered(ellipse.geometric, np.asarray(points, dtype=float), cell_px))
-
-
 @njit(cache=True)
-def _is_distinct(geometric):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _is_distinct(geometric):
     """Which ellipses (N, 5) do not repeat one that is kept before them, up to what a pixel grid can tell apart."""
     kept = np.zeros(len(geometric), np.bool_)
     for i in range(len(geometric)):

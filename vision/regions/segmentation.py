@@ -10,19 +10,20 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from vision.errors import InputError
+from vision.edges.edge_map import as_gray
 from vision.features import RegionAttributes
+from vision.frozen import frozen_arrays, read_only
 from vision.regions.attributes import AttributeConstraints, Contour, measure_shape
 from vision.regions.contours import trace_contours
 from vision.regions.edge_gaps import link_edges
 from vision.regions.merging import BOUNDARY, merge
-from vision.regions.quadtree import Labels, Quadtree, SplitAndMerge, split
+from vision.regions.quadtree import Labels, Quadtree, SplitAndMergeParameters, split
 from vision.settings import NOT_NEGATIVE, Allowed, check, count
 
 
 @dataclass(frozen=True)
-class RegionGrowing:
-    """Settings of the region-growing method.
+class RegionGrowingParameters:
+    """How regions are grown.
 
     Attributes:
         blur_px: standard deviation of the Gaussian before edge detection, in pixels.
@@ -36,7 +37,7 @@ class RegionGrowing:
     edge_low: float = 3.0
     edge_high: float = 8.0
     gap_px: int = 3
-    split_and_merge: SplitAndMerge = field(default_factory=SplitAndMerge)
+    split_and_merge: SplitAndMergeParameters = field(default_factory=SplitAndMergeParameters)
 
     def __post_init__(self) -> None:
         check(self, blur_px=Allowed(0, 100, above=True), edge_low=NOT_NEGATIVE, gap_px=count())
@@ -44,6 +45,7 @@ class RegionGrowing:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Region:
     """A connected homogeneous region without edge pixels.
 
@@ -63,17 +65,9 @@ class Region:
     holes: tuple[Contour, ...]
     leaves: NDArray[np.intp]
 
-    def __post_init__(self) -> None:
-        arrays: tuple[NDArray, ...] = (self.contour, *self.holes, self.leaves)
-        for a in arrays:
-            a.flags.writeable = False
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Region, (self.label, self.attributes, self.box, self.contour, self.holes, self.leaves))
-
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Segmentation:
     """An image divided into regions and the boundaries between them.
 
@@ -83,26 +77,21 @@ class Segmentation:
         tree: the quadtree, its leaves in the order that regions refer to.
         leaf_labels: (N,) int32 label of each leaf; read-only.
         edges: (H, W) linked edge map; read-only.
+        gray: (H, W) uint8, the image that was segmented; read-only.
+        parameters: with which it was.
     """
 
     labels: Labels
     tree: Quadtree
     leaf_labels: Labels
     edges: NDArray[np.bool_]
-
-    def __post_init__(self) -> None:
-        arrays: tuple[NDArray, ...] = (self.labels, self.leaf_labels, self.edges)
-        for a in arrays:
-            a.flags.writeable = False
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (Segmentation, (self.labels, self.tree, self.leaf_labels, self.edges))
+    gray: NDArray[np.uint8]
+    parameters: RegionGrowingParameters
 
     @cached_property
     def leaves(self) -> Labels:
         """(N, 4) int32 x, y, size and label of each leaf, as drawn in Fig. 7 a."""
-        return np.column_stack([self.tree.x, self.tree.y, self.tree.size, self.leaf_labels])
+        return read_only(np.column_stack([self.tree.x, self.tree.y, self.tree.size, self.leaf_labels]))
 
     @cached_property
     def regions(self) -> tuple[Region, ...]:
@@ -126,42 +115,29 @@ class Segmentation:
         return tuple(constraints.prune(regions))
 
 
-def segment(gray: NDArray[np.uint8], settings: RegionGrowing | None = None) -> Segmentation:
+def segment(gray: NDArray[np.generic], parameters: RegionGrowingParameters | None = None) -> Segmentation:
     """Divide an image into homogeneous regions: Canny, edge linking, split and merge.
 
     Args:
-        gray: (H, W) uint8 grey levels.
-        settings: of the method; None for the defaults.
+        gray: (H, W) uint8 grey levels; (H, W, 3) RGB is converted.
+        parameters: of the method; None for the defaults.
 
     Returns:
-        The segmentation. A constant image is one region.
+        The segmentation. A constant image is one region, an empty one has none.
 
     Raises:
-        InputError: when the image is not a non-empty two-dimensional uint8 array.
+        InputError: when ``gray`` is not an image, see :func:`vision.edges.edge_map.as_gray`.
     """
-    settings = settings or RegionGrowing()
-    gray = check_gray(gray)
-    edges = link_edges(canny(gray, settings), settings.gap_px)
-    tree = split(gray, edges, settings.split_and_merge)
-    leaf_labels = merge(tree, settings.split_and_merge)
-    return Segmentation(leaf_labels.take(tree.leaf_of_pixel), tree, leaf_labels, edges)
-
-
-def check_gray(gray: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The image as a contiguous array, once it is known to be one of grey levels.
-
-    Raises:
-        InputError: when it is not.
-    """
-    image = np.asarray(gray)
-    if image.dtype != np.uint8 or image.ndim != 2 or image.size == 0:
-        raise InputError(
-            "image",
-            got=f"{image.dtype} {image.shape}",
-            expected="grey levels, uint8 (H, W), at least 1 x 1",
-            do="Convert colour with cv2.cvtColor, and floating-point images by scaling to 0..255",
-        )
-    return np.ascontiguousarray(image)
+    parameters = parameters or RegionGrowingParameters()
+    image = as_gray(gray).copy()  # what the caller does with his array later must not reach the segmentation
+    if image.size == 0:
+        nothing = np.zeros(image.shape, np.int32)
+        tree = split(image, nothing > 0, parameters.split_and_merge)
+        return Segmentation(nothing, tree, nothing.ravel(), nothing > 0, image, parameters)
+    edges = link_edges(canny(image, parameters), parameters.gap_px)
+    tree = split(image, edges, parameters.split_and_merge)
+    leaf_labels = merge(tree, parameters.split_and_merge)
+    return Segmentation(leaf_labels.take(tree.leaf_of_pixel), tree, leaf_labels, edges, image, parameters)
 
 
 def gradient(gray: NDArray[np.uint8], blur_px: float) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
@@ -171,13 +147,14 @@ def gradient(gray: NDArray[np.uint8], blur_px: float) -> tuple[NDArray[np.int16]
     return cv2.Sobel(blurred, cv2.CV_16S, 1, 0), cv2.Sobel(blurred, cv2.CV_16S, 0, 1)
 
 
-def canny(gray: NDArray[np.uint8], settings: RegionGrowing) -> NDArray[np.bool_]:
+def canny(gray: NDArray[np.uint8], parameters: RegionGrowingParameters) -> NDArray[np.bool_]:
     """Canny edges of the blurred image (H, W)."""
-    dx, dy = gradient(gray, settings.blur_px)
-    return np.asarray(cv2.Canny(dx, dy, settings.edge_low * 32, settings.edge_high * 32, L2gradient=True) > 0)
+    dx, dy = gradient(gray, parameters.blur_px)
+    return np.asarray(cv2.Canny(dx, dy, parameters.edge_low * 32, parameters.edge_high * 32, L2gradient=True) > 0)
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class _Sums:
     """What the leaves of each label add up to; all but the first two have one entry or row for each label from 0.
 
@@ -223,7 +200,7 @@ def _sum_leaves(leaf_labels: Labels, tree: Quadtree) -> _Sums:
 
 
 @njit(cache=True)
-def _sums(leaf_labels, x, y, size, grey_sum, grey_square_sum, count):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _sums(leaf_labels, x, y, size, grey_sum, grey_square_sum, count):
     """Leaves sorted by label, where each label starts, boxes (count, 4), sums of area, grey and its square."""
     starts = np.zeros(count + 1, np.intp)
     box = np.zeros((count, 4), np.int32)

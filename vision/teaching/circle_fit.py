@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, circle_conics, plane_axes
 
@@ -18,6 +19,7 @@ _CONVERGED = 1e-11  # so far below a micrometre that the fit ends at the same pl
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Sightings:
     """Edge points of one circle, of all views, one after the other.
 
@@ -75,6 +77,7 @@ class Sightings:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class CircleFit:
     """A fitted circle.
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from vision.errors import InputError
 from vision.extraction import ExtractionThresholds
-from vision.features import Process
-from vision.model.vision_model import BoreCoordinates, GraspCoordinates, Role
+from vision.features import Extractor
+from vision.model.grasp import BoreCoordinates, GraspCoordinates
+from vision.model.vision_model import Role
 from vision.teaching import events as ev
 from vision.teaching.lesson import Lesson, TaughtFeature
 from vision.teaching.snapping import MINIMUM_CLICKS
@@ -36,7 +37,7 @@ class MarkedFeature:
     role: Role
     marks: Mapping[int, tuple[Point, ...]] = field(default_factory=dict)
     copies: int = 1
-    extractor: Process | None = None
+    extractor: Extractor | None = None
 
     @property
     def contours(self) -> dict[int, tuple[Point, ...]]:

@@ -1,4 +1,4 @@
-"""What a person can do on the teaching page, one value per deed: a session is a list of these, and nothing else.
+"""What a person can do on the teaching page, one value per action: a session is a list of these, and nothing else.
 
 Every event can be written as a JSON object and read back (see ``vision.teaching.session_file``). Features and grasps
 have identifiers that never change, so that renaming one does not touch the events that follow. Views are counted
@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from scipy.spatial.transform import RigidTransform
 
 from vision.extraction import ExtractionThresholds
-from vision.features import Process
+from vision.features import Extractor
 from vision.geometry.camera import rigid_transform
-from vision.model.vision_model import GraspKind, Role
+from vision.model.grasp import GraspKind
+from vision.model.vision_model import Role
 
 Matrix = tuple[tuple[float, ...], ...]
 """A pose as four rows of four numbers."""
@@ -86,7 +87,7 @@ class SetExtractor(Event):
     """Choose the extractor that is tried first; None takes what the system proposes."""
 
     feature_id: str
-    extractor: Process | None
+    extractor: Extractor | None
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ class ChooseCandidate(Event):
 
     feature_id: str
     view: int
-    process: Process
+    extractor: Extractor
     ellipse: tuple[float, ...]
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse
@@ -32,6 +33,7 @@ _SEARCH_POINTS = 512
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class ClickErrors:
     """How far clicks are from the image of a circle.
 
@@ -42,14 +44,6 @@ class ClickErrors:
 
     px: Array
     mm: Array
-
-    def __post_init__(self) -> None:
-        for array in (self.px, self.mm):
-            array.flags.writeable = False
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Run the constructor again after unpickling, so that the arrays stay read-only."""
-        return (ClickErrors, (self.px, self.mm))
 
     @property
     def rms_px(self) -> float:
@@ -164,6 +158,7 @@ def click_errors(circle: Circle, view: View, clicks: ArrayLike) -> ClickErrors |
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class _Drawing:
     """What sight lines through an upright circle draw on a plane that is normal to z, at unit distance from the eye.
 

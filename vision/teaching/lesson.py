@@ -11,20 +11,15 @@ from numpy.typing import NDArray
 from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
 from vision.extraction import ExtractionThresholds
-from vision.features import EllipseFeature, Process
+from vision.features import EllipseFeature, Extractor
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse, overlap
-from vision.model.vision_model import (
-    AttributeRange,
-    BoreCoordinates,
-    CircleFeature,
-    GraspCoordinates,
-    Role,
-    VisionModel,
-)
+from vision.model.grasp import BoreCoordinates, GraspCoordinates
+from vision.model.vision_model import AttributeRange, CircleFeature, Role, VisionModel
+from vision.teaching.circle_refinement import refine_circle
 from vision.teaching.pattern import learn_patterns
-from vision.teaching.settling import settle
 from vision.teaching.snapping import snap_to_edge
 from vision.teaching.triangulation import TriangulatedCircle, triangulate_circle
 
@@ -34,6 +29,7 @@ SAME_FEATURE_OVERLAP = 0.8
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class TaughtFeature:
     """One feature as the person marked it.
 
@@ -49,7 +45,7 @@ class TaughtFeature:
     role: Role
     clicks: Mapping[int, Array]
     copies: int = 1
-    extractor: Process | None = None
+    extractor: Extractor | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +112,7 @@ def locate(feature: TaughtFeature, views: Sequence[View], edge_fields: Sequence[
             f"feature {feature.name!r}", got=error.got, expected=error.expected, do=error.do or "Mark it again."
         ) from error
     agreeing = set(marks) - set(found.inconsistent())
-    return replace(found, circle=settle(found.circle, found.freedom, sorted(agreeing), views, edge_fields))
+    return replace(found, circle=refine_circle(found.circle, found.freedom, sorted(agreeing), views, edge_fields))
 
 
 def _acquire_feature(
@@ -144,9 +140,9 @@ def _to_micrometre(circle: Circle) -> Circle:
     return Circle(np.round(circle.centre, 6), np.round(circle.normal, 7), round(circle.radius_m, 6))
 
 
-def propose_extractor(seen: Sequence[Sequence[EllipseFeature]]) -> Process:
+def propose_extractor(seen: Sequence[Sequence[EllipseFeature]]) -> Extractor:
     """The extractor that found the feature in more views; region growing where both did equally well."""
-    region, group = (sum(any(f.process == p for f in view) for view in seen) for p in ("region", "group"))
+    region, group = (sum(any(f.extractor == p for f in view) for view in seen) for p in ("region", "group"))
     return "group" if group > region else "region"
 
 

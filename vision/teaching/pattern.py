@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from vision.edges.edge_map import EdgeMap, detect_edges
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.model.vision_model import CircleFeature, Pattern
 
@@ -45,6 +46,7 @@ _REFINEMENTS = 2
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class _PlaneEdges:
     """Edge points of one view, put back into a plane across the axis.
 
@@ -63,6 +65,7 @@ class _PlaneEdges:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class _Agreement:
     """How the views of all copies see each of P edge points.
 

@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any, get_args
 
 from vision.errors import FileFormatError, InputError
-from vision.features import Process
+from vision.features import Extractor
 from vision.files.json_reader import JsonValue, parse, read_text
+from vision.model.grasp import GraspKind
 from vision.model.model_file import thresholds_from, thresholds_to_dict
-from vision.model.vision_model import GraspKind, Role, VisionModel
+from vision.model.vision_model import Role, VisionModel
 from vision.teaching import events as ev
 from vision.teaching.session import Session, ViewDigest, build_model
 from vision.teaching.view_directory import load_views
@@ -108,7 +109,7 @@ def session_from_json(text: str, source: str = "teaching session") -> Session:
 
 def event_to_dict(event: ev.Event) -> dict[str, Any]:
     """An event as a JSON object: its type, its fields, and when it happened."""
-    values = {f.name: getattr(event, f.name) for f in fields(event) if f.name != "time_s"}
+    values = {key_of(type(event), f.name): getattr(event, f.name) for f in fields(event) if f.name != "time_s"}
     if isinstance(event, ev.SetThresholds):
         values["thresholds"] = thresholds_to_dict(event.thresholds)
     return {"event": type(event).__name__, **values, "time_s": event.time_s}
@@ -123,9 +124,9 @@ def event_from(item: JsonValue) -> ev.Event:
     found = item.mapping().get("event")
     item.check(found is not None, "an object with the key 'event'")
     kind = _TYPES[found.choice(tuple(_TYPES))]  # type: ignore[union-attr]
-    names = [f.name for f in fields(kind)]
-    d = item.members("event", *names)
-    return kind(**{name: _READ[name](d[name]) for name in names})
+    keys = {f.name: key_of(kind, f.name) for f in fields(kind)}
+    d = item.members("event", *keys.values())
+    return kind(**{name: _READ[key](d[key]) for name, key in keys.items()})
 
 
 def write_atomically(path: Path, content: str) -> None:
@@ -169,6 +170,11 @@ def _ellipse(item: JsonValue) -> tuple[float, ...]:
     return tuple(float(v) for v in item.vector(5))
 
 
+def key_of(kind: type[ev.Event], field: str) -> str:
+    """What a field is called in the file; one has kept the name that it had in the first sessions."""
+    return "process" if (kind, field) == (ev.ChooseCandidate, "extractor") else field
+
+
 _TYPES = {kind.__name__: kind for kind in ev.EVENT_TYPES}
 _READ: dict[str, Callable[[JsonValue], Any]] = {
     "time_s": JsonValue.number,
@@ -177,8 +183,8 @@ _READ: dict[str, Callable[[JsonValue], Any]] = {
     "name": JsonValue.text,
     "role": lambda item: item.choice(get_args(Role)),
     "kind": lambda item: item.choice(get_args(GraspKind)),
-    "process": lambda item: item.choice(get_args(Process)),
-    "extractor": lambda item: None if item.value is None else item.choice(get_args(Process)),
+    "process": lambda item: item.choice(get_args(Extractor)),
+    "extractor": lambda item: None if item.value is None else item.choice(get_args(Extractor)),
     "symmetry_fold": lambda item: None if item.value is None else item.count(),
     "copies": JsonValue.count,
     "view": lambda item: item.count(least=0),

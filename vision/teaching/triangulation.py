@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, circle_poses
 from vision.geometry.ellipse import Ellipse
@@ -25,6 +26,7 @@ _LOSS = ("soft_l1", 0.5)
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class TriangulatedCircle:
     """A circle in the world and how well the views agree on it.
 

@@ -23,7 +23,7 @@ def how_often_found(
         overlays: what the extractors found, by number of the view; None where they are not done.
 
     Returns:
-        Counts by process, and "views"; None where the circle is not known or nothing was extracted yet.
+        Counts by extractor, and "views"; None where the circle is not known or nothing was extracted yet.
     """
     images = {v: image for v, image in inspector.shown_in(finding).items() if v in finding.marks}
     ready = {v: overlays[v] for v in images if overlays.get(v) is not None}
@@ -32,9 +32,9 @@ def how_often_found(
     counts = {"region": 0, "group": 0, "views": len(ready)}
     for v, overlay in ready.items():
         candidates = overlay["candidates"] if overlay is not None else []
-        found = {c["process"] for c in candidates if _is_same(images[v], c["ellipse"])}
-        for process in found:
-            counts[process] += 1
+        found = {c["extractor"] for c in candidates if _is_same(images[v], c["ellipse"])}
+        for extractor in found:
+            counts[extractor] += 1
     return counts
 
 

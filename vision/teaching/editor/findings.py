@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse
+from vision.teaching.circle_refinement import refine_circle
 from vision.teaching.document import MarkedFeature, Point
 from vision.teaching.guides import ClickErrors, click_errors, faces
-from vision.teaching.settling import settle
 from vision.teaching.snapping import MINIMUM_CLICKS, ellipse_through, snap_to_edge
 from vision.teaching.triangulation import TriangulatedCircle, triangulate_circle
 
@@ -32,6 +33,7 @@ MOST_CLICKS = 40  # more are no clicks, and need no suspicion
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Mark:
     """The marks of a feature in one view.
 
@@ -65,7 +67,7 @@ class Finding:
         feature: as it stands in the document.
         marks: by number of the view.
         solution: the triangulated circle; None below two views.
-        settled: whether it is the very circle that the model will have, see ``Inspector.settle``.
+        refined: whether it is the very circle that the model will have, see ``Inspector.refine``.
         errors: distance of the edge points from its image, by number of the view.
         inconsistent: views whose marks disagree with the others.
         message: one sentence that says what is wrong, or "".
@@ -74,7 +76,7 @@ class Finding:
     feature: MarkedFeature
     marks: Mapping[int, Mark] = field(default_factory=dict)
     solution: TriangulatedCircle | None = None
-    settled: bool = False
+    refined: bool = False
     errors: Mapping[int, ClickErrors] = field(default_factory=dict)
     inconsistent: tuple[int, ...] = ()
     message: str = ""
@@ -113,20 +115,20 @@ class Inspector:
         self._findings[feature.feature_id] = finding
         return finding
 
-    def settle(self, features: Sequence[MarkedFeature]) -> bool:
+    def refine(self, features: Sequence[MarkedFeature]) -> bool:
         """Take the last step towards the circle of one feature that has not had it; says whether there was one.
 
         It is too slow for the answer to a click, so it waits until the person pauses.
         """
         for finding in map(self.find, features):
             solution = finding.solution
-            if solution is None or finding.settled:
+            if solution is None or finding.refined:
                 continue
             agreeing = sorted(set(finding.errors) - set(finding.inconsistent))
-            circle = settle(solution.circle, solution.freedom, agreeing, self.views, self.edges)
-            settled = replace(finding, solution=replace(solution, circle=circle), settled=True)
+            circle = refine_circle(solution.circle, solution.freedom, agreeing, self.views, self.edges)
+            refined = replace(finding, solution=replace(solution, circle=circle), refined=True)
             errors = self._errors(circle, finding.marks)
-            self._findings[finding.feature.feature_id] = replace(settled, errors=errors)
+            self._findings[finding.feature.feature_id] = replace(refined, errors=errors)
             return True
         return False
 

@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.geometry.circle import Circle
-
-Array = NDArray[np.float64]
 
 _UPRIGHT = 1e-6
 GRIP_DEPTH = 0.1  # of the radius: how far beyond the rim the finger tips reach

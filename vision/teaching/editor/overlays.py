@@ -35,12 +35,11 @@ def make_overlay(gray: Image, thresholds: ExtractionThresholds) -> dict[str, Any
         thresholds: of the extractors.
 
     Returns:
-        ``candidates`` (ellipses with their process), ``fragments`` (polylines), ``endpoints``, ``groups`` (numbers
+        ``candidates`` (ellipses with their extractor), ``fragments`` (polylines), ``endpoints``, ``groups`` (numbers
         of fragments), and two pictures as data addresses: ``regions_png`` and ``edges_png``.
     """
-    growing = thresholds.growing
-    segmentation = segment(gray, growing)
-    regions = region_ellipses(segmentation, gray, None, thresholds.boundary_fit, growing)
+    segmentation = segment(gray, thresholds.growing)
+    regions = region_ellipses(segmentation, None, thresholds.boundary_fit)
     grouping = group_edges(gray, thresholds.grouping)
     fragments = grouping.fragments
     return {
@@ -68,7 +67,7 @@ def no_overlay() -> dict[str, Any]:
 
 def _candidate(feature: EllipseFeature) -> dict[str, Any]:
     return {
-        "process": feature.process,
+        "extractor": feature.extractor,
         "ellipse": feature.ellipse.geometric.round(3).tolist(),
         "support": round(feature.support, 3),
     }

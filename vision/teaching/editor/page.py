@@ -11,7 +11,7 @@ from nicegui import background_tasks, ui
 
 from vision.errors import FocalpickError
 from vision.teaching import events as ev
-from vision.teaching.editor.acts import event_of_act
+from vision.teaching.editor.browser_events import event_of_act
 from vision.teaching.editor.drawing_state import State, difference, drawing_state, ellipse_numbers, guide
 from vision.teaching.editor.feature_panel import FeaturePanel
 from vision.teaching.editor.findings import Finding
@@ -39,6 +39,7 @@ class Page:
         self._acknowledged = 0
         self._panels_wait = False
         self._ready = False
+        self._warned = False
         self._client = ui.context.client
         self._build()
         self._client.on_delete(workshop.listen(self._on_news))
@@ -203,6 +204,7 @@ class Page:
             self._header.refresh()
             self._features.refresh()
             self._refresh_tab()
+            self._warn()
 
     def _refresh_tab(self) -> None:
         """The panes that are out of sight wait until they are seen."""
@@ -278,6 +280,12 @@ class Page:
             ui.notify(f"Saved as {self.workshop.out}", type="positive", position="bottom")
         finally:
             self._header.saving(False)
+
+    def _warn(self) -> None:
+        """Say once what makes all teaching vain."""
+        if self.workshop.pose_complaint and not self._warned:
+            self._warned = True
+            self.complain(f"Warning: {self.workshop.pose_complaint}")
 
     def complain(self, message: str) -> None:
         """Say what is wrong."""

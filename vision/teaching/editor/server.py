@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import socket
+import sys
 from pathlib import Path
 
 import cv2
@@ -60,6 +61,13 @@ def serve(directory: Path, out: Path, services: Services, port: int | None = Non
 def _run(workshop: Workshop, listener: socket.socket, show: bool) -> None:
     port = listener.getsockname()[1]
     _routes(workshop)
+
+    def warn(_: bool) -> None:
+        if workshop.pose_complaint:
+            print(f"focalpick: warning: {workshop.pose_complaint}", file=sys.stderr, flush=True)
+            stop_listening()
+
+    stop_listening = workshop.listen(warn)
 
     def start() -> None:
         background_tasks.create(workshop.run(), name="workshop")

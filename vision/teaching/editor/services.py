@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.model.vision_model import VisionModel
 
@@ -42,6 +43,7 @@ class PieceOutcome:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class SceneOutcome:
     """One scene of a trial: its pieces, and a picture (H, W, 3) RGB with the model drawn where it was found."""
 

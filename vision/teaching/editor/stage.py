@@ -23,7 +23,7 @@ class Stage(ui.element, component="stage.js", esm={"focalpick-stage": "static"})
             lesson: names the lesson, for what the browser keeps of it.
             views: shown under the address ``picture/NUMBER.png``.
             view: which one is large at first.
-            handlers: by event: "ready", "acts" (deeds to be stored), "look" (another view), "preview" (points being
+            handlers: by event: "ready", "acts" (actions to be stored), "look" (another view), "preview" (points being
                 dragged) and "command" (a key that means something elsewhere on the page).
         """
         super().__init__()

@@ -15,7 +15,7 @@ from vision.teaching.editor.page_context import PageContext
 from vision.teaching.editor.workers import StoppedError
 
 if TYPE_CHECKING:
-    from vision.teaching.adaptation import Proposal
+    from vision.teaching.threshold_search import Proposal
 
 MEANINGS = {
     "canny_low": ("Canny, lower", "Region growing: edges are followed down to this slope, grey levels per pixel"),
@@ -140,8 +140,8 @@ class ThresholdPanel:
         with self._effect, ui.element("div").classes("teach-table teach-before-after"):
             for title in ("Feature", "Extractor", "Found before", "Found after"):
                 ui.label(title).classes("teach-eyebrow")
-            for feature in dict.fromkeys(f.feature for f in proposal.findings):
-                mine = [f for f in proposal.findings if f.feature == feature]
+            for feature in dict.fromkeys(f.feature for f in proposal.changes):
+                mine = [f for f in proposal.changes if f.feature == feature]
                 self._row(feature, EXTRACTORS[mine[0].extractor], [f.before for f in mine], [f.after for f in mine])
             ui.label("Ellipses of salient size that nobody marked").classes("teach-muted")
             ui.label()

@@ -13,16 +13,16 @@ from vision.errors import InputError
 from vision.model.model_file import save_model
 from vision.model.vision_model import Pattern, VisionModel
 from vision.teaching import events as ev
-from vision.teaching.adaptation import Proposal, propose_thresholds
 from vision.teaching.document import Document
 from vision.teaching.editor.autosave import Autosave
+from vision.teaching.editor.background_extraction import BackgroundExtraction
 from vision.teaching.editor.drawing_state import PALETTE
-from vision.teaching.editor.extraction import Extraction
 from vision.teaching.editor.findings import Finding, Inspector
 from vision.teaching.editor.services import Description, SceneOutcome, Services, run_trial
 from vision.teaching.editor.workers import Worker
 from vision.teaching.session import Session, build_model
 from vision.teaching.session_file import SESSION_FILE, load_session
+from vision.teaching.threshold_search import Proposal, propose_thresholds
 from vision.teaching.view_directory import load_part_name, load_views
 
 Listener = Callable[[bool], None]
@@ -61,7 +61,7 @@ class Workshop:
         self.stored_problem = ""
         self.last_seen: tuple[int, str | None] = (0, None)
         self.thinking = Worker()
-        self.extraction = Extraction(self.views)
+        self.extraction = BackgroundExtraction(self.views)
         self._built: tuple[Document, VisionModel] | None = None
         self._saved: Document | None = self.session.document if out.exists() else None
         self._began = time.monotonic() - max((e.time_s for e in self.session.events), default=0.0)
@@ -197,16 +197,21 @@ class Workshop:
         if changed:
             if self._pause is not None:
                 self._pause.cancel()
-            self._pause = self._loop.call_later(PAUSE_S, self._settle)
+            self._pause = self._loop.call_later(PAUSE_S, self._refine)
 
     def _tell(self) -> None:
         changed, self._news = bool(self._news), None
         for listener in list(self._listeners):
             listener(changed)
 
-    def _settle(self) -> None:
-        if self.inspector.settle(self.document.features):
+    def _refine(self) -> None:
+        if self.inspector.refine(self.document.features):
             self.tell()
+
+    @property
+    def pose_complaint(self) -> str:
+        """How the pictures contradict the poses of the views; "" where they do not, or before that is known."""
+        return self.extraction.pose_complaint
 
     def stored_since(self, count: int) -> list[str]:
         """The acts that are on the disk, without the first ones; pages drop them from their queues."""
@@ -229,7 +234,7 @@ class Workshop:
     async def run(self) -> None:
         """Serve the pages: keep the overlays up to date with the document's thresholds, as long as the loop runs."""
         self._loop = asyncio.get_running_loop()
-        await self.extraction.keep_up(lambda: self.document.thresholds, self.tell)
+        await self.extraction.keep_up(lambda: self.document.thresholds, self.tell, lambda: self.document.diameter_m)
 
     @property
     def overlay_tags(self) -> dict[int, str]:

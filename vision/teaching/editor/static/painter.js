@@ -53,15 +53,15 @@ function candidates(pen, scene) {
   if (!overlay) return;
   if (scene.show.groups) groups(pen, overlay);
   for (const candidate of overlay.candidates) {
-    const region = candidate.process === "region";
+    const region = candidate.extractor === "region";
     const shown = region ? scene.show.regions : scene.show.groups;
     if (!shown && scene.tool !== "pick") continue;
     const alpha = shown ? 0.95 : 0.4;
     stroke(pen, candidate.ellipse, region ? REGION : GROUP, { alpha, width: shown ? 1.4 : 1, dash: [2, 3] });
   }
   if (scene.hover.candidate) {
-    const { ellipse, process } = scene.hover.candidate;
-    stroke(pen, ellipse, process === "region" ? REGION : GROUP, { alpha: 0.3, width: 9 });
+    const { ellipse, extractor } = scene.hover.candidate;
+    stroke(pen, ellipse, extractor === "region" ? REGION : GROUP, { alpha: 0.3, width: 9 });
     stroke(pen, ellipse, "#ffffff", { width: 2 });
   }
 }

@@ -94,8 +94,8 @@ export const pointerMethods = {
     if (!this.viewport.contains([x, y])) return;
     if (this.tool === "points") this.act({ kind: "point", x, y });
     else if (this.hover.candidate) {
-      const { process, ellipse } = this.hover.candidate;
-      this.act({ kind: "choose", process, ellipse });
+      const { extractor, ellipse } = this.hover.candidate;
+      this.act({ kind: "choose", extractor, ellipse });
     } else this.hint = "No ellipse was found here. Press P and click five points along the contour.";
   },
   removePoint(index) {
@@ -108,8 +108,8 @@ export const pointerMethods = {
   },
 };
 
-function describe({ process, ellipse, support }) {
-  const name = process === "region" ? "region growing" : "edge grouping";
+function describe({ extractor, ellipse, support }) {
+  const name = extractor === "region" ? "region growing" : "edge grouping";
   const [, , a, b] = ellipse;
   return `${name}: ${(2 * a).toFixed(1)} × ${(2 * b).toFixed(1)} px, ${Math.round(100 * support)} % of the contour. Click to take it.`;
 }

@@ -14,8 +14,8 @@ from vision.geometry.camera import View
 from vision.geometry.circle import project_circle
 from vision.geometry.ellipse import overlap
 from vision.localizer import extract_features
-from vision.teaching.adaptation import propose_thresholds
 from vision.teaching.lesson import Lesson, TaughtFeature
+from vision.teaching.threshold_search import propose_thresholds
 
 FRONT = ("outline_front", "ring_front", "bore_front")
 DEFAULTS = ExtractionThresholds()
@@ -66,7 +66,7 @@ def test_where_nothing_is_missed_the_defaults_stay(plate, good):
     assert proposal.thresholds == DEFAULTS
     assert proposal.before == proposal.after
     assert proposal.before.found == proposal.before.total == 9
-    assert all(finding.before and finding.after for finding in proposal.findings)
+    assert all(change.before and change.after for change in proposal.changes)
 
 
 def test_more_is_found_with_the_proposed_thresholds(adapted):
@@ -92,18 +92,18 @@ def test_the_proposal_keeps_its_promise(adapted, plate, bad):
     circles = {f.name: f.circle for f in plate.features}
     for thresholds, said in ((DEFAULTS, "before"), (proposal.thresholds, "after")):
         found = [extract_features(view, (extractor,), None, thresholds) for view in bad[extractor]]
-        for finding in proposal.findings:
-            truth = project_circle(circles[finding.feature], bad[extractor][finding.view])
-            best = max((overlap(f.ellipse, truth) for f in found[finding.view]), default=0.0)
-            assert (best > 0.8) == getattr(finding, said)
-            assert finding.extractor == extractor
+        for change in proposal.changes:
+            truth = project_circle(circles[change.feature], bad[extractor][change.view])
+            best = max((overlap(f.ellipse, truth) for f in found[change.view]), default=0.0)
+            assert (best > 0.8) == getattr(change, said)
+            assert change.extractor == extractor
 
 
-def test_tallies_count_the_findings(adapted):
+def test_tallies_count_the_changes(adapted):
     proposal, _ = adapted
-    assert len(proposal.findings) == proposal.before.total == 9
-    assert sum(f.before for f in proposal.findings) == proposal.before.found
-    assert sum(f.after for f in proposal.findings) == proposal.after.found
+    assert len(proposal.changes) == proposal.before.total == 9
+    assert sum(f.before for f in proposal.changes) == proposal.before.found
+    assert sum(f.after for f in proposal.changes) == proposal.after.found
 
 
 def test_before_is_what_the_lesson_has_now(plate, good):

@@ -14,7 +14,7 @@ import numpy as np
 from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
 from vision.extraction import ExtractionThresholds
-from vision.features import EllipseFeature, Process
+from vision.features import EllipseFeature, Extractor
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse, overlap
@@ -32,7 +32,7 @@ COST_OF_SPURIOUS = 0.1
 """What an ellipse of salient size that the person did not draw costs, in found features; matching can refuse it."""
 
 _SALIENT_SIZE = (0.8, 1.25)  # of the smallest and of the largest salient ellipse in a view
-_STEPS: dict[Process, tuple[tuple[str, ...], ...]] = {
+_STEPS: dict[Extractor, tuple[tuple[str, ...], ...]] = {
     "region": (
         ("canny_low", "canny_high", "homogeneity"),
         ("canny_low", "canny_high"),
@@ -48,7 +48,7 @@ _MOST_RUNS = 2 * len(_STEPS) + sum(len(FACTORS) * len(steps) for steps in _STEPS
 
 
 @dataclass(frozen=True)
-class Finding:
+class FeatureChange:
     """One taught feature in one view.
 
     Attributes:
@@ -61,7 +61,7 @@ class Finding:
 
     feature: str
     view: int
-    extractor: Process
+    extractor: Extractor
     before: bool
     after: bool
 
@@ -94,13 +94,13 @@ class Proposal:
         thresholds: those proposed.
         before: what the extractors return with the lesson's thresholds.
         after: what they return with the proposed ones.
-        findings: feature by feature and view by view.
+        changes: feature by feature and view by view.
     """
 
     thresholds: ExtractionThresholds
     before: Tally
     after: Tally
-    findings: tuple[Finding, ...]
+    changes: tuple[FeatureChange, ...]
 
 
 def propose_thresholds(lesson: Lesson, views: Sequence[View], report: Report | None = None) -> Proposal:
@@ -122,16 +122,16 @@ def propose_thresholds(lesson: Lesson, views: Sequence[View], report: Report | N
     bench = _Bench(lesson, views, report)
     present = bench.outcome(lesson.thresholds)
     best = bench.outcome(ExtractionThresholds())
-    for process in _STEPS:
-        if best.misses(process):
-            best = bench.improve(best, process)
+    for extractor in _STEPS:
+        if best.misses(extractor):
+            best = bench.improve(best, extractor)
     if present.tally.score > best.tally.score:
         best = present
-    findings = tuple(
-        Finding(mark.feature, mark.view, mark.extractor, before, after)
+    changes = tuple(
+        FeatureChange(mark.feature, mark.view, mark.extractor, before, after)
         for mark, before, after in zip(bench.marks, present.found, best.found, strict=True)
     )
-    return Proposal(best.thresholds, present.tally, best.tally, findings)
+    return Proposal(best.thresholds, present.tally, best.tally, changes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ class _Mark:
     feature: str
     view: int
     ellipse: Ellipse
-    extractor: Process
+    extractor: Extractor
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,9 +155,9 @@ class _Outcome:
     def tally(self) -> Tally:
         return Tally(sum(self.found), len(self.found), self.spurious)
 
-    def misses(self, process: Process) -> bool:
+    def misses(self, extractor: Extractor) -> bool:
         """Whether an extractor misses a feature that is to be found by it."""
-        return any(not found and m.extractor == process for m, found in zip(self.marks, self.found, strict=True))
+        return any(not found and m.extractor == extractor for m, found in zip(self.marks, self.found, strict=True))
 
 
 class _Bench:
@@ -165,7 +165,7 @@ class _Bench:
 
     def __init__(self, lesson: Lesson, views: Sequence[View], report: Report | None) -> None:
         self._views, self._report = views, report
-        self._found: dict[tuple[Process, tuple[float, ...]], list[list[EllipseFeature]]] = {}
+        self._found: dict[tuple[Extractor, tuple[float, ...]], list[list[EllipseFeature]]] = {}
         edges = [EdgeField.from_gray(view.gray) for view in views]
         circles = [locate(feature, views, edges).circle for feature in lesson.features]
         self._taught = [
@@ -185,38 +185,38 @@ class _Bench:
         images = {v: image for v in feature.clicks if (image := project_circle(circle, self._views[v])) is not None}
         extractor = feature.extractor
         if extractor is None:
-            found = [self._run(process, present) for process in _STEPS]
+            found = [self._run(extractor, present) for extractor in _STEPS]
             seen = [[f for by in found for f in by[v] if _same(f.ellipse, image)] for v, image in images.items()]
             extractor = propose_extractor(seen)
         return [_Mark(feature.name, v, image, extractor) for v, image in images.items()]
 
     def outcome(self, thresholds: ExtractionThresholds) -> _Outcome:
-        found = {process: self._run(process, thresholds) for process in _STEPS}
+        found = {extractor: self._run(extractor, thresholds) for extractor in _STEPS}
         hits = tuple(
             any(_same(f.ellipse, mark.ellipse) for f in found[mark.extractor][mark.view]) for mark in self.marks
         )
         spurious = sum(self._spurious(v, found[p][v]) for p in _STEPS for v in range(len(self._views)))
         return _Outcome(thresholds, self.marks, hits, spurious)
 
-    def improve(self, start: _Outcome, process: Process) -> _Outcome:
+    def improve(self, start: _Outcome, extractor: Extractor) -> _Outcome:
         """Scale each threshold of an extractor in turn; of equally good values, take the nearest to the default."""
         best = start
-        for names in _STEPS[process]:
+        for names in _STEPS[extractor]:
             for factor in sorted(FACTORS, key=lambda factor: abs(np.log(factor))):
                 scaled = {name: float(f"{factor * getattr(start.thresholds, name):.4g}") for name in names}
                 tried = self.outcome(replace(best.thresholds, **scaled))
                 if tried.tally.score > best.tally.score + 1e-9:
                     best = tried
-            if not best.misses(process):
+            if not best.misses(extractor):
                 break
         return best
 
-    def _run(self, process: Process, thresholds: ExtractionThresholds) -> list[list[EllipseFeature]]:
+    def _run(self, extractor: Extractor, thresholds: ExtractionThresholds) -> list[list[EllipseFeature]]:
         """What an extractor returns in every view; kept, for the other one's thresholds do not change it."""
-        names = dict.fromkeys(name for step in _STEPS[process] for name in step)
-        key = process, tuple(getattr(thresholds, name) for name in names)
+        names = dict.fromkeys(name for step in _STEPS[extractor] for name in step)
+        key = extractor, tuple(getattr(thresholds, name) for name in names)
         if key not in self._found:
-            self._found[key] = [extract_features(view, (process,), None, thresholds) for view in self._views]
+            self._found[key] = [extract_features(view, (extractor,), None, thresholds) for view in self._views]
             if self._report is not None:
                 self._report(min(len(self._found) / _MOST_RUNS, 1.0))
         return self._found[key]

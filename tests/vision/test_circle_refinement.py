@@ -10,8 +10,8 @@ import pytest
 from vision.edges.edge_field import EdgeField
 from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse
+from vision.teaching.circle_refinement import refine_circle
 from vision.teaching.lesson import TaughtFeature, locate
-from vision.teaching.settling import settle
 from vision.teaching.snapping import snap_to_edge
 from vision.teaching.triangulation import triangulate_circle
 
@@ -36,7 +36,7 @@ def error_mm(found, truth):
 def test_a_start_two_pixels_off_ends_on_the_rim(name, plate, views):
     truth = circle_of(plate, name)
     start = Circle(truth.centre + np.array([0, 0, 3e-4]), truth.normal, truth.radius_m + 3e-4)
-    found = settle(start, ON_AXIS, range(5), views, [EdgeField.from_gray(v.gray) for v in views])
+    found = refine_circle(start, ON_AXIS, range(5), views, [EdgeField.from_gray(v.gray) for v in views])
     assert error_mm(start, truth) > 0.29
     assert error_mm(found, truth) < 0.02
 
@@ -76,7 +76,7 @@ def test_blur_does_not_make_holes_smaller(photograph, pose, plate):
     for seed in range(10_051, 10_055):
         views = photograph([pose()], views=5, seed=seed)
         fields = [EdgeField.from_gray(v.gray) for v in views]
-        radii.append(settle(truth, UPRIGHT, range(5), views, fields).radius_m)
+        radii.append(refine_circle(truth, UPRIGHT, range(5), views, fields).radius_m)
     # Uncorrected, a hole of 15 px would come out 0.009 mm too small. The blur of these drawings is across the edge
     # alone, which does not shrink anything, so that correcting for a lens as well leaves it 0.004 mm too large.
     assert -0.004 < 1e3 * (np.mean(radii) - truth.radius_m) < 0.008
@@ -85,7 +85,7 @@ def test_blur_does_not_make_holes_smaller(photograph, pose, plate):
 def test_a_circle_without_edges_stays(plate, views):
     truth = circle_of(plate, "bore_front")
     blank = [EdgeField.from_gray(np.full((480, 640), 90, np.uint8)) for _ in views]
-    assert settle(truth, ON_AXIS, range(5), views, blank) is truth
+    assert refine_circle(truth, ON_AXIS, range(5), views, blank) is truth
 
 
 def test_marks_on_another_rim_are_still_called_inconsistent(plate, views):

@@ -8,12 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import manifold3d
 import numpy as np
 import trimesh
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
+from benchmark.meshes.bodies import BodiesError, one_solid
+from benchmark.meshes.surface import OpenSurfaceError, closed_surface
 from vision.errors import FileFormatError, InputError
 
 Floats = NDArray[np.float64]
@@ -49,9 +50,9 @@ class MeshReference:
     def parse(cls, name: str) -> MeshReference | None:
         """The mesh that a part's name refers to; None where the name is not that of a mesh file."""
         path, _, unit = name.rpartition(":")
-        if unit not in MM_PER_UNIT:
+        if unit.lower() not in MM_PER_UNIT:
             path, unit = name, "m"
-        return cls(Path(path), unit) if Path(path).suffix.lower() in MESH_SUFFIXES else None
+        return cls(Path(path), unit.lower()) if Path(path).suffix.lower() in MESH_SUFFIXES else None
 
 
 def read_solid(reference: MeshReference) -> Manifold:
@@ -67,20 +68,27 @@ def read_solid(reference: MeshReference) -> Manifold:
     mesh = _read(reference.path)
     mesh.apply_scale(MM_PER_UNIT[reference.unit])
     _check_size(reference, mesh.extents)
+    solid = _solid(reference, mesh)
+    triangles = solid.to_mesh64()
+    mesh = trimesh.Trimesh(triangles.vert_properties[:, :3], triangles.tri_verts.astype(np.int64), process=False)
     centre = _axis(reference.path, mesh)
     low, high = mesh.bounds[:, 2]
-    mesh.apply_translation([-centre[0], -centre[1], -(low + high) / 2])
-    return _solid(reference.path, mesh)
+    return solid.translate((-centre[0], -centre[1], -(low + high) / 2))
 
 
 def check_exists(path: Path) -> None:
-    """Make sure that there is a file.
+    """Make sure that there is a file that can be read.
 
     Raises:
         InputError: there is none.
     """
-    if not path.is_file():
-        raise InputError("mesh", got=f"no file {path}", expected="an OBJ, STL or PLY file")
+    expected = "an OBJ, STL or PLY file"
+    try:
+        if not path.is_file():
+            raise InputError("mesh", got=f"no file {path}", expected=expected)
+        path.open("rb").close()
+    except OSError as error:
+        raise InputError("mesh", got=f"{path} ({error.strerror})", expected=f"{expected} that can be read") from None
 
 
 def _read(path: Path) -> trimesh.Trimesh:
@@ -94,8 +102,6 @@ def _read(path: Path) -> trimesh.Trimesh:
         raise FileFormatError(str(path), got=f"{len(faces)} triangles", expected="a mesh with a closed surface")
     mesh = trimesh.Trimesh(mesh.vertices, faces, process=False)
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
-    if mesh.volume < 0:  # the faces look inwards
-        mesh.invert()
     return mesh
 
 
@@ -107,11 +113,12 @@ def _check_size(reference: MeshReference, extents: Floats) -> None:
     in_other = across / MM_PER_UNIT[reference.unit] * MM_PER_UNIT[other]
     fits = SMALLEST_MM <= in_other <= LARGEST_MM
     what = {"m": "metres", "mm": "millimetres"}
+    say_so = f"write {reference.path}:{other}; focalpick teach also takes --unit {other}"
     raise InputError(
         f"size of {reference.path}",
         got=f"{across * 1e-3:.4g} m across, read in {what[reference.unit]}",
         expected=f"from {SMALLEST_MM:g} to {LARGEST_MM:g} mm",
-        do=f"If it was drawn in {what[other]}, write {reference.path}:{other}." if fits else "Scale it.",
+        do=f"If it was drawn in {what[other]}, {say_so}." if fits else "Scale it.",
     )
 
 
@@ -142,7 +149,8 @@ def _roundness(mesh: trimesh.Trimesh, axis: int) -> tuple[float, Floats]:
     weighted again and again so that holes, keyways and spokes, which do not share it, lose their say.
     """
     across = [k for k in range(3) if k != axis]
-    side = np.abs(mesh.face_normals[:, axis]) < _SIDE
+    has_normal = mesh.face_normals.any(axis=1)  # a triangle whose corners are on one line has none
+    side = (np.abs(mesh.face_normals[:, axis]) < _SIDE) & has_normal
     normals, points, area = (a[side] for a in (mesh.face_normals[:, across], mesh.triangles_center, mesh.area_faces))
     if not side.any():
         return 0.0, np.zeros(2)
@@ -165,23 +173,18 @@ def _meeting_point(tangents: Floats, offsets: Floats, weights: Floats) -> Floats
     return np.asarray(np.linalg.lstsq(weighted.T @ tangents, weighted.T @ offsets, rcond=None)[0])
 
 
-def _solid(path: Path, mesh: trimesh.Trimesh) -> Manifold:
-    """The mesh as a solid for exact cuts.
+def _solid(reference: MeshReference, mesh: trimesh.Trimesh) -> Manifold:
+    """The solid that the triangles of a file bound.
 
     Raises:
-        InputError: its surface is not closed.
+        InputError: their surface is not closed, or it is in doubt what is inside.
     """
-    triangles = manifold3d.Mesh64(
-        np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.uint64)
-    )
-    triangles.merge()
-    solid = Manifold(triangles)
-    if solid.status() != manifold3d.Error.NoError or solid.is_empty():
-        sides = np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1]
-        raise InputError(
-            f"surface of {path}",
-            got=f"{np.count_nonzero(sides != 2)} edges that do not join two triangles",
-            expected="a closed surface",
-            do="Close its holes and remove inner and doubled faces.",
-        )
-    return solid
+    what = f"surface of {reference.path}"
+    try:
+        return one_solid(closed_surface(np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)))
+    except OpenSurfaceError as error:
+        at = ", ".join(f"{x:.4g}" for x in error.at / MM_PER_UNIT[reference.unit])
+        do = f"{error.do} It is near ({at}) in the file's coordinates."
+        raise InputError(what, got=error.got, expected="a closed surface", do=do) from None
+    except BodiesError as error:
+        raise InputError(what, got=error.got, expected="the surface of one part", do=error.do) from None

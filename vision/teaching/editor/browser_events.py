@@ -30,7 +30,7 @@ def event_of_act(act: Mapping[str, Any], feature_id: str) -> ev.Event:
                 return ev.RemovePoint(feature_id, view, int(act["index"]))
             case "choose":
                 ellipse = tuple(float(v) for v in act["ellipse"])
-                return ev.ChooseCandidate(feature_id, view, act["process"], ellipse)
+                return ev.ChooseCandidate(feature_id, view, act["extractor"], ellipse)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError("act of the page", got=dict(act), expected="kind, view and place", do=str(error)) from error
     raise InputError("act of the page", got=act["kind"], expected="point, move, remove or choose")

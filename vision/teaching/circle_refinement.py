@@ -36,7 +36,7 @@ _LARGEST_SHIFT_PX = 0.3
 _FEWEST_POINTS = 12
 
 
-def settle(
+def refine_circle(
     circle: Circle, freedom: Array, seen_in: Collection[int], views: Sequence[View], fields: Sequence[EdgeField]
 ) -> Circle:
     """Fit a circle to the edges that the views show where it is, the clear ones above all.
