@@ -1,8 +1,8 @@
-"""Edge grouping as printed (Section 5.2): fragments, constraints on pairs, aggregation, and the filter that verifies."""
+"""Edge grouping as printed (Section 5.2): fragments, constraints on pairs, aggregation, the filter that verifies."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +38,8 @@ class AggregationParameters:
         max_seeds: so many of the longest fragments begin groups.
     """
 
-    edges: EdgeParameters = EdgeParameters(noise_factor=3.0, clutter_factor=1.0)
-    fragments: FragmentParameters = FragmentParameters()
+    edges: EdgeParameters = field(default_factory=lambda: EdgeParameters(noise_factor=3.0, clutter_factor=1.0))
+    fragments: FragmentParameters = field(default_factory=FragmentParameters)
     convexity_slack_px: float = 2.0
     grey_tolerance: float = 20.0
     foci_in_centroid: bool = False

@@ -19,8 +19,8 @@ def initial_estimate(points: Array, *, foci_in_centroid: bool = False) -> Array:
     Args:
         points: of the fragments of a group, pixels.
         foci_in_centroid: put both focal points into the centroid, and make s the sum of both axes, as printed. There
-            df/dp is the same for both focal points, and the filter can never part them: every estimate stays a
-            circle. Otherwise they are set apart along the long axis, and s is its length.
+            df/dp is the same for both focal points: nothing but rounding errors parts them, in a direction of chance.
+            Otherwise they are set apart along the long axis, and s is its length.
     """
     centroid = points.mean(axis=0)
     spread, axes = np.linalg.eigh(np.cov(points.T, bias=True))

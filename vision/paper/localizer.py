@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from vision.errors import InputError
-from vision.features import EllipseFeature, Process
+from vision.features import EllipseFeature, Extractor
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace, depth_range
 from vision.localizer import Localization, checked_models, checked_scene
@@ -64,7 +64,7 @@ class _Hypothesis:
 
     T_world_part: Array
     matches: Matches
-    extractor: Process
+    extractor: Extractor
 
 
 class PaperLocalizer:
@@ -166,7 +166,7 @@ class PaperLocalizer:
                     matches[v, k] = -1
             if np.count_nonzero(matches >= 0) >= self.parameters.fewest_matches:
                 v, m, _ = candidates.seed[i]
-                yield _Hypothesis(poses[i], matches, features[v][m].process)
+                yield _Hypothesis(poses[i], matches, features[v][m].extractor)
 
     def _is_apart(self, T: Array, accepted: Sequence[PoseEstimate], model: VisionModel) -> bool:
         least_m = self.parameters.separation * model.diameter_m
@@ -213,7 +213,7 @@ def _estimate(
         T_world_part=RigidTransform.from_matrix(T),
         covariance=covariance,
         score=min(1.0, (np.count_nonzero(matched) + len(seen)) / max(facing, 1)),
-        process=hypothesis.extractor,
+        extractor=hypothesis.extractor,
         residual_px=residual_px,
         views=int(np.count_nonzero(matched.any(axis=1))),
         inplane_known=bool(seen),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from vision.features import EllipseFeature
 from vision.geometry.ellipse import Ellipse
 from vision.model.vision_model import CircleFeature
-from vision.regions.attributes import AttributeConstraints, Bounds
-from vision.regions.region_ellipses import BoundaryFit, region_ellipses
-from vision.regions.segmentation import Region, RegionGrowing, segment
+from vision.regions.attributes import AttributeConstraints
+from vision.regions.region_ellipses import BoundaryFitParameters, region_ellipses
+from vision.regions.segmentation import Region, RegionGrowingParameters, segment
 from vision.settings import POSITIVE, check
 
 Array = NDArray[np.float64]
@@ -37,8 +37,8 @@ class PruningParameters:
         whole_boundaries: fit whole outer boundaries as printed, instead of what most of a boundary agrees on.
     """
 
-    growing: RegionGrowing = RegionGrowing()
-    fit: BoundaryFit = BoundaryFit()
+    growing: RegionGrowingParameters = field(default_factory=RegionGrowingParameters)
+    fit: BoundaryFitParameters = field(default_factory=BoundaryFitParameters)
     whole_boundaries: bool = False
     smaller: float = 0.03
     larger: float = 10.0
@@ -82,11 +82,11 @@ def grow_ellipses(
         fits = [_fit(region, parameters.fit.max_rms_px) for region in segmentation.regions]
         features = [fit for fit in fits if fit is not None]
     else:
-        features = region_ellipses(segmentation, gray, None, parameters.fit, parameters.growing)
+        features = region_ellipses(segmentation, None, parameters.fit)
     found = []
     for feature in features:
         attributes = feature.attributes
-        allowed = np.array([c is not None and attributes is not None and c.allow(attributes) for c in constraints])
+        allowed = np.array([attributes is not None and c.allow(attributes) for c in constraints])
         if allowed.any():
             found.append(NamedEllipse(feature, allowed))
     return found
@@ -94,30 +94,31 @@ def grow_ellipses(
 
 def attribute_constraints(
     circle: CircleFeature, px_per_m: tuple[float, float], parameters: PruningParameters
-) -> AttributeConstraints | None:
-    """The bounds on all six attributes of a region that shows a feature; None where none were taught.
+) -> AttributeConstraints:
+    """The bounds on the attributes of a region that shows a feature; those that were not taught are free.
 
     The distance from which it was taught is not in the model: the taught perimeter over the circle's tells the scale.
     """
     taught = dict(circle.attributes)
-    if len(taught) < len(AttributeConstraints.__dataclass_fields__):
-        return None
-    taught_px_per_m = (taught["perimeter_px"].low + taught["perimeter_px"].high) / (
-        4 * np.pi * circle.circle.radius_m
-    )
-    least, most = px_per_m[0] / taught_px_per_m, px_per_m[1] / taught_px_per_m
+    if "perimeter_px" not in taught:
+        return AttributeConstraints()
+    seen_px = (taught["perimeter_px"].low + taught["perimeter_px"].high) / 2
+    least, most = (2 * np.pi * circle.circle.radius_m * scale / seen_px for scale in px_per_m)
     smaller, larger, grey = parameters.smaller, parameters.larger, parameters.grey
-
-    def bounds(name: str, low: float, high: float) -> Bounds:
-        return low * taught[name].low, high * taught[name].high
-
+    factors = {
+        "area_px": (smaller * least**2, larger * most**2),
+        "perimeter_px": (smaller * least, larger * most),
+        "circularity": (smaller, 1 / smaller),
+        "shape_complexity": (smaller, larger),
+        "grey_mean": (1 / grey, grey),
+        "grey_deviation": (1 / grey**2, grey**2),
+    }
     return AttributeConstraints(
-        area_px=bounds("area_px", smaller * least**2, larger * most**2),
-        perimeter_px=bounds("perimeter_px", smaller * least, larger * most),
-        circularity=bounds("circularity", smaller, 1 / smaller),
-        shape_complexity=bounds("shape_complexity", smaller, larger),
-        grey_mean=bounds("grey_mean", 1 / grey, grey),
-        grey_deviation=bounds("grey_deviation", 1 / grey**2, grey**2),
+        **{
+            name: (low * taught[name].low, high * taught[name].high)
+            for name, (low, high) in factors.items()
+            if name in taught
+        }
     )
 
 
