@@ -49,7 +49,7 @@ def test_moments_of_a_whole_outline_are_those_of_the_ellipse():
 
 def test_the_filter_finds_an_ellipse_from_a_rough_estimate():
     points = TRUE.sample(64) + np.random.default_rng(10_000).normal(scale=0.2, size=(64, 2))
-    state = EllipseFilter(initial_estimate(points) + [4, -3, 3, 2, 6], prior_px=15.0, noise_px=1.0)
+    state = EllipseFilter(initial_estimate(points) + np.array([4, -3, 3, 2, 6]), prior_px=15.0, noise_px=1.0)
     before = state.fitting_error(points)
     state.take_in(points)
     assert state.is_ellipse
@@ -122,5 +122,5 @@ def test_plates_are_localised_by_stereo(name, salient, plate, scene, photograph)
 
 
 def test_an_unknown_preset_is_refused(plate):
-    with pytest.raises(InputError, match="got 'dual'; expected paper or previous"):
-        PaperLocalizer([plate], "dual")
+    with pytest.raises(InputError, match="got 'focal'; expected paper or previous"):
+        PaperLocalizer([plate], "focal")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,7 @@ from vision.settings import NOT_NEGATIVE, POSITIVE, check, count
 
 Array = NDArray[np.float64]
 Matches = NDArray[np.intp]
-Preset = Literal["paper", "previous"]
+PAPER_PRESETS = ("paper", "previous")
 UNKNOWN_DEPTH_M = (0.05, 20.0)  # without a workspace
 
 
@@ -77,15 +76,15 @@ class PaperLocalizer:
     """
 
     def __init__(
-        self, models: Sequence[VisionModel], name: Preset = "paper", parameters: PaperParameters | None = None
+        self, models: Sequence[VisionModel], name: str = "paper", parameters: PaperParameters | None = None
     ) -> None:
         """Prepare.
 
         Raises:
             InputError: when there is no model, or no such preset.
         """
-        if name not in get_args(Preset):
-            raise InputError("preset of the paper's system", got=repr(name), expected=" or ".join(get_args(Preset)))
+        if name not in PAPER_PRESETS:
+            raise InputError("preset of the paper's system", got=repr(name), expected=" or ".join(PAPER_PRESETS))
         self.models = checked_models(models)
         self.name = name
         self.parameters = parameters or PaperParameters()
