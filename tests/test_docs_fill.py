@@ -45,12 +45,12 @@ def test_a_sensor_has_its_rates_errors_and_coverage():
     hit = LocalizerResult(True, True, PoseErrors(0.5, 0.25, 0.125, 0.25, 1.0), NormalizedError(3.0, 6))
     miss = LocalizerResult(False, False)
     pieces = tuple(
-        PieceRecord(i, "hub", visibility, True, {"dual": result})
+        PieceRecord(i, "hub", visibility, True, {"focal": result})
         for i, (visibility, result) in enumerate([(0.9, hit), (0.8, hit), (0.3, miss)])
     )
     episode = CONFIG.episode("hub", 0)
     base = EpisodeRecord(episode.key, ("hub",), 0, episode.seed, episode.config_hash)
-    record = replace(base, pieces=pieces, false_positives={"dual": 1})
+    record = replace(base, pieces=pieces, false_positives={"focal": 1})
     block = sensor_block(CONFIG, build_table(CONFIG, [record]))
     assert block.startswith("Measured, 1 scenes of 3 to 5 pieces a part:")
     assert "Sensor shopfloor" in block

@@ -29,7 +29,7 @@ from vision.features import EllipseFeature
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse, overlap
-from vision.localizer import Localization
+from vision.localizer import PRESETS, Localization
 from vision.pose.estimate import PoseEstimate
 
 Array = NDArray[np.float64]
@@ -132,15 +132,14 @@ def _extracted(name: str, ellipses: Sequence[Sequence[Ellipse | None]], localiza
     """Whether a salient circle of the piece was extracted in enough views; never for methods without features.
 
     Args:
-        name: of the method; ``region`` and ``group`` see what their own extractor found.
+        name: of the method; a preset of the localizer sees what its own extractors found.
         ellipses: of each circle the images in all views, as of ``_salient_ellipses``.
         localization: with the features of all views.
     """
     if not localization.features:
         return False
     mine = [
-        [f for f in found if name not in ("region", "group") or f.extractor == name]
-        for found in localization.features
+        [f for f in found if name not in PRESETS or f.extractor in PRESETS[name]] for found in localization.features
     ]
     return is_extracted(
         [

@@ -48,34 +48,34 @@ def estimate(offset_m: float = 0.0, part: str = "cover2") -> PoseEstimate:
 def results(*features: EllipseFeature | None, estimates=(), alone=None):
     """What the verdict says of the piece, given one feature or none in each view."""
     found = tuple(() if f is None else (f,) for f in features)
-    answer = Localization(tuple(estimates), found, alone or {"region": (), "group": ()})
-    return judge(answer, "dual", [piece()], VIEWS).pieces[0].results
+    answer = Localization(tuple(estimates), found, alone or {"focal-region": (), "focal-group": ()})
+    return judge(answer, "focal", [piece()], VIEWS).pieces[0].results
 
 
 def test_a_piece_is_extracted_by_one_circle_in_two_views():
-    assert results(feature(0, 0), None, feature(2, 0))["dual"].extracted
+    assert results(feature(0, 0), None, feature(2, 0))["focal"].extracted
 
 
 def test_two_circles_in_a_view_each_are_not_the_same_feature_twice():
-    assert not results(feature(0, 0), None, feature(2, 1))["dual"].extracted
+    assert not results(feature(0, 0), None, feature(2, 1))["focal"].extracted
 
 
 def test_one_view_is_not_enough():
-    assert not results(feature(0, 0), None, None)["dual"].extracted
+    assert not results(feature(0, 0), None, None)["focal"].extracted
 
 
 def test_an_extractor_is_credited_with_what_it_found_itself():
     found = results(feature(0, 0), feature(1, 0, "group"), feature(2, 0))
     assert {name: result.extracted for name, result in found.items()} == {
-        "region": True,
-        "group": False,
-        "dual": True,
+        "focal-region": True,
+        "focal-group": False,
+        "focal": True,
     }
     mixed = results(feature(0, 0), feature(1, 0, "group"), None)
     assert {name: result.extracted for name, result in mixed.items()} == {
-        "region": False,
-        "group": False,
-        "dual": True,
+        "focal-region": False,
+        "focal-group": False,
+        "focal": True,
     }
 
 
@@ -84,7 +84,7 @@ def test_a_circle_that_faces_away_is_not_extracted(name):
     (circle,) = (f.circle.moved(POSE) for f in load_model("hub").salient if f.name == name)
     seen = tuple((EllipseFeature(project_circle(circle, v), "group", np.empty((0, 2)), 1.0, 1.0),) for v in VIEWS)
     hub = TruePiece("hub", POSE, 0.9, True)
-    extracted = judge(Localization((), seen), "dual", [hub], VIEWS).pieces[0].results["dual"].extracted
+    extracted = judge(Localization((), seen), "focal", [hub], VIEWS).pieces[0].results["focal"].extracted
     assert extracted == (name == "outline_front")
 
 
@@ -92,22 +92,22 @@ def test_a_circle_that_faces_away_is_not_extracted(name):
     ("offset_m", "part", "matched"), [(0.006, "cover2", True), (0.007, "cover2", False), (0.0, "cover1", False)]
 )
 def test_a_pose_within_a_tenth_of_the_diameter_matches_and_any_other_is_false(offset_m, part, matched):
-    verdict = judge(Localization((estimate(offset_m, part),)), "dual", [piece()], VIEWS)
-    assert verdict.pieces[0].results["dual"].matched == matched
-    assert verdict.false_positives == {"dual": int(not matched)}
+    verdict = judge(Localization((estimate(offset_m, part),)), "focal", [piece()], VIEWS)
+    assert verdict.pieces[0].results["focal"].matched == matched
+    assert verdict.false_positives == {"focal": int(not matched)}
     assert verdict.owner == ((0,) if matched else (None,))
 
 
 def test_a_second_pose_of_a_piece_is_false():
-    verdict = judge(Localization((estimate(0.003), estimate())), "dual", [piece()], VIEWS)
-    assert verdict.false_positives == {"dual": 1}
+    verdict = judge(Localization((estimate(0.003), estimate())), "focal", [piece()], VIEWS)
+    assert verdict.false_positives == {"focal": 1}
     assert verdict.owner == (None, 0)
-    assert verdict.pieces[0].results["dual"].errors.translation_mm < 1e-6
+    assert verdict.pieces[0].results["focal"].errors.translation_mm < 1e-6
 
 
 def test_the_stage_at_which_a_piece_was_lost():
     def stage(localization: Localization, **changes: object) -> str | None:
-        return judge(localization, "dual", [piece(**changes)], VIEWS).pieces[0].failed_stage
+        return judge(localization, "focal", [piece(**changes)], VIEWS).pieces[0].failed_stage
 
     seen = tuple((feature(number, 0),) for number in range(3))
     assert stage(Localization((estimate(),))) is None
