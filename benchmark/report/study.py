@@ -143,8 +143,8 @@ def build_study(
     Args:
         config: of the sweep.
         records: its records so far, in any order.
-        refused: ``benchmark.study.taught_models.refusals`` of its directory.
-        circles: ``benchmark.report.circle_errors.study_circles`` of its directory.
+        refused: why parts could not be taught, and
+        circles: how true the others are: of ``benchmark.report.circle_errors.read_taught``.
     """
     variant_of = {episode.key: episode.variant for episode in episodes(config)}
     grouped: dict[Variant | None, list[EpisodeRecord]] = defaultdict(list)
