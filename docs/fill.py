@@ -38,6 +38,7 @@ from vision.errors import FocalpickError, InputError
 README = ROOT / "README.md"
 ACCURACY = ROOT / "docs" / "accuracy.md"
 TUNING = ROOT / "docs" / "tuning.md"
+TUNED = ("ellipse_score", "edge_sigmas", "confirmation", "pose_probability")
 IMAGES = ROOT / "docs" / "images"
 
 PICTURES = {
@@ -173,7 +174,7 @@ def fill(record: str, source: Path) -> None:
 
 def fill_tuning(directory: Path) -> None:
     """What the scripts of `benchmark/tuning` printed with `--format md`: NAME.md for each of them."""
-    for name in ("ellipse_score", "edge_sigmas", "confirmation"):
+    for name in TUNED:
         _put(TUNING, name, f"Measured:\n\n{(directory / f'{name}.md').read_text(encoding='utf-8')}")
 
 

@@ -14,11 +14,10 @@ from benchmark.records.episode_record import EpisodeRecord, LocalizerResult, Nor
 from benchmark.records.store import RecordWriter, read_config, read_records
 from benchmark.report.tables import build_table
 from benchmark.timing.vision_step import STAGES, TimingRecord
-from docs.fill import BLOCKS, NOT_MEASURED, README, TUNING, between_markers, sensor_block
+from docs.fill import BLOCKS, NOT_MEASURED, README, TUNED, TUNING, between_markers, sensor_block
 from docs.records import RECORDS, ROOT, detector_block, keep, timing_block
 from vision.errors import FileFormatError, InputError
 
-TUNED = {"ellipse_score", "edge_sigmas", "confirmation"}
 CONFIG = SweepConfig(parts=("hub",), scenes=1, pieces=3, most_pieces=5, sensor="shopfloor")
 
 
@@ -35,7 +34,7 @@ def test_every_table_of_measured_figures_stands_between_markers():
         text = document.read_text(encoding="utf-8")
         names = re.findall(r"<!-- ([a-z0-9_-]+) -->", text)
         mine = {block.name for block in BLOCKS if block.document == document} | (
-            TUNED if document == TUNING else set()
+            set(TUNED) if document == TUNING else set()
         )
         assert set(names) == mine
         for name in names:

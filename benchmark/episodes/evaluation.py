@@ -60,11 +60,13 @@ class Verdict:
     Attributes:
         pieces: one record for each piece.
         false_positives: by method, the number of poses that belong to no piece.
+        false_probabilities: by method, with which it says of those poses that they are right, where it says so.
         owner: for each of the localizer's estimates, the piece it belongs to or None.
     """
 
     pieces: tuple[PieceRecord, ...]
     false_positives: dict[str, int]
+    false_probabilities: dict[str, tuple[float, ...]]
     owner: tuple[int | None, ...]
 
 
@@ -99,6 +101,7 @@ def judge(
     return Verdict(
         tuple(records),
         {name: len(a.false_positives) for name, a in assignments.items()},
+        {name: _probabilities([answers[name][i] for i in a.false_positives]) for name, a in assignments.items()},
         tuple(owner.get(i) for i in range(len(localization.estimates))),
     )
 
@@ -125,7 +128,18 @@ def _result(
     errors = pose_errors(pose, truth, symmetry, _hull(piece.part))
     normalized = normalized_error(pose, estimate.covariance, truth, symmetry, inplane_known=estimate.inplane_known)
     offset = pose_offset(pose, truth, symmetry, inplane_known=estimate.inplane_known)
-    return LocalizerResult(extracted, matched=True, errors=errors, normalized=normalized, offset=offset)
+    return LocalizerResult(
+        extracted,
+        matched=True,
+        errors=errors,
+        normalized=normalized,
+        offset=offset,
+        probability=estimate.probability,
+    )
+
+
+def _probabilities(estimates: Sequence[PoseEstimate]) -> tuple[float, ...]:
+    return tuple(estimate.probability for estimate in estimates if estimate.probability is not None)
 
 
 def _extracted(name: str, ellipses: Sequence[Sequence[Ellipse | None]], localization: Localization) -> bool:

@@ -21,6 +21,7 @@ from benchmark.report.grid import (
 )
 from benchmark.report.published import PublishedErrors
 from benchmark.report.rate import Rate
+from benchmark.report.reliability import reliability_grid
 from benchmark.report.tables import STAGES, AccuracyRow, Table
 
 EXTRACTOR_TITLES = {"focal-region": "Region-match", "focal-group": "Group-match"}
@@ -33,7 +34,8 @@ STAGE_TITLES = {
 def grids(table: Table) -> list[Grid]:
     """The grids that are shown, first what the paper gives, last what was counted apart."""
     shown = [_table1(table), *_joint(table), coverage_grid(table), *(_fig10(table, stage) for stage in STAGES)]
-    shown += [false_poses_grid(table), *margin_grids(table.margins), *made_good_grids(table.made_good)]
+    shown += [false_poses_grid(table), *([reliability_grid(table.reliability)] if table.reliability else [])]
+    shown += [*margin_grids(table.margins), *made_good_grids(table.made_good)]
     if any(rate.n for rate in table.picks.values()):
         shown.append(_picks(table))
     return [*shown, _counts(table)]

@@ -17,6 +17,7 @@ from benchmark.report.made_good import MadeGood, made_good
 from benchmark.report.margins import Margin, paired_margin
 from benchmark.report.published import FIGURE_10, TABLE_1, PublishedErrors, paper_order
 from benchmark.report.rate import Rate
+from benchmark.report.reliability import ReliabilityRow, reliability
 
 EXTRACTORS = ("focal-region", "focal-group")
 METHODS = ("focal-region", "focal-group", "focal")
@@ -122,6 +123,7 @@ class Table:
         accuracy: for each part, method and visibility level.
         success: for each part, method, stage and visibility level.
         false_poses: for each part and method.
+        reliability: how right poses are that say so, by method, for those that do.
         margins: of focal over region growing alone in matching, for each part and visibility level.
         made_good: what focal matched of what one extractor lost, for each part and visibility level.
         picks: success rate of attempted picks by part.
@@ -135,6 +137,7 @@ class Table:
     accuracy: tuple[AccuracyRow, ...]
     success: tuple[SuccessRow, ...]
     false_poses: tuple[FalsePosesRow, ...]
+    reliability: dict[str, tuple[ReliabilityRow, ...]]
     margins: tuple[Margin, ...]
     made_good: tuple[MadeGood, ...]
     picks: dict[str, Rate]
@@ -201,6 +204,7 @@ def build_table(config: SweepConfig, records: Sequence[EpisodeRecord], levels: S
         accuracy=tuple(_accuracy(pieces, *cell) for cell in cells),
         success=tuple(_success(pieces, *cell, stage) for stage in STAGES for cell in cells),
         false_poses=tuple(FalsePosesRow(p, m, _false_poses(finished, p, m)) for p in parts for m in methods),
+        reliability=_reliabilities(finished, methods),
         margins=tuple(paired_margin(finished, part, COMPARED, level) for level in levels for part in parts),
         made_good=tuple(made_good(finished, part, level) for level in levels for part in parts),
         picks={part: _picks(finished, part) for part in parts},
@@ -214,6 +218,7 @@ def to_dict(table: Table) -> dict[str, object]:
         "table1": [{"process": row.method, **_flat(row)} for row in table.table1],
         "fig10": [_flat_success(row) for row in table.success],
         "false_poses": [{"part": row.part, "method": row.method, **asdict(row.share)} for row in table.false_poses],
+        "reliability": {method: [asdict(row) for row in rows] for method, rows in table.reliability.items()},
         "margins": [{**asdict(margin), "excludes_zero": margin.excludes_zero} for margin in table.margins],
         "made_good": [asdict(row) for row in table.made_good],
         "picks": [{"part": part, **asdict(rate)} for part, rate in table.picks.items()],
@@ -259,6 +264,18 @@ def _false_poses(records: Sequence[EpisodeRecord], part: str, method: str) -> Ra
     right = sum(result is not None and result.matched for result in results)
     wrong = sum(record.false_positives.get(method, 0) for record in scenes)
     return Rate.of([True] * wrong + [False] * right)
+
+
+def _reliabilities(records: Sequence[EpisodeRecord], methods: Sequence[str]) -> dict[str, tuple[ReliabilityRow, ...]]:
+    found = {method: _reliability(records, method) for method in methods}
+    return {method: rows for method, rows in found.items() if any(row.right.n for row in rows)}
+
+
+def _reliability(records: Sequence[EpisodeRecord], method: str) -> tuple[ReliabilityRow, ...]:
+    results = (piece.results.get(method) for record in records for piece in record.pieces)
+    right = [r.probability for r in results if r is not None and r.probability is not None]
+    wrong = [p for record in records for p in record.false_probabilities.get(method, ())]
+    return reliability([*right, *wrong], [True] * len(right) + [False] * len(wrong))
 
 
 def _picks(records: Sequence[EpisodeRecord], part: str) -> Rate:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -96,6 +98,13 @@ def test_a_pose_within_a_tenth_of_the_diameter_matches_and_any_other_is_false(of
     assert verdict.pieces[0].results["focal"].matched == matched
     assert verdict.false_positives == {"focal": int(not matched)}
     assert verdict.owner == ((0,) if matched else (None,))
+
+
+def test_probabilities_are_kept_of_right_poses_and_of_false_ones():
+    right, wrong = (replace(estimate(offset), probability=p) for offset, p in ((0.0, 0.9), (0.05, 0.2)))
+    verdict = judge(Localization((right, wrong, estimate(0.04))), "focal", [piece()], VIEWS)
+    assert verdict.pieces[0].results["focal"].probability == 0.9
+    assert verdict.false_probabilities == {"focal": (0.2,)}
 
 
 def test_a_second_pose_of_a_piece_is_false():

@@ -208,6 +208,23 @@ def test_false_poses_are_a_share_of_all_that_were_reported() -> None:
         assert "2 of 5: 40.0% (11.8% to 76.9%)" in text
 
 
+def test_poses_are_held_to_what_they_say(tmp_path: Path) -> None:
+    sure, unsure = (replace(matched(1.0), probability=p) for p in (0.97, 0.6))
+    pieces = tuple(piece(i, 0.9, focal=sure if i < 9 else unsure) for i in range(10))
+    scene = record(pieces=pieces, false_positives={"focal": 3}, false_probabilities={"focal": (0.96, 0.7, 0.1)})
+    table = build_table(CONFIG, [scene])
+    rows = {row["low"]: row["right"] for row in to_dict(table)["reliability"]["focal"]}
+    assert [(rows[low]["successes"], rows[low]["n"]) for low in (0.0, 0.5, 0.95, 0.99)] == [
+        (0, 1),
+        (1, 2),
+        (9, 10),
+        (0, 0),
+    ]
+    assert "| focal | 0% to 50% | 1 | 10.0% |" in as_markdown(table)
+    assert [path.name for path in save_figures(table, [scene], tmp_path)][-1] == "reliability.png"
+    assert "Reliability" not in shown(build_table(CONFIG, [HUB]))
+
+
 def test_mixed_scenes_count_for_each_part() -> None:
     config = SweepConfig(parts=("hub+cover1",), scenes=1)
     mixed = EpisodeRecord(

@@ -213,7 +213,7 @@ MUTATIONS: tuple[Mutation, ...] = (
             "a moved circle keeps its normal",
             "T[:3, :3] @ self.normal, self.radius_m)",
             "self.normal, self.radius_m)",
-            "tests/vision/test_circle_pose.py::test_world_poses_cancel",
+            "tests/vision/test_circle_pose.py::test_a_moved_circle_lies_where_its_points_are_moved_to",
         ),
     ),
     *_of(
@@ -328,7 +328,7 @@ MUTATIONS: tuple[Mutation, ...] = (
             "ellipses are not rejected by their fitting error",
             "if result is None or result.fitting_error_px > parameters.max_error_px:",
             "if result is None:",
-            f"{PAIRS}::test_a_bent_outline_is_no_ellipse",
+            f"{PAIRS}::test_an_ellipse_that_the_filter_does_not_fit_is_discarded",
         ),
     ),
     *_of(
