@@ -17,6 +17,7 @@ from vision.edges.chains import link_pixels, localise
 from vision.edges.peaks import settle
 from vision.errors import InputError
 from vision.frozen import frozen_arrays
+from vision.geometry.blur import CAMERA_VARIANCE, SOBEL_VARIANCE
 from vision.settings import NOT_NEGATIVE, POSITIVE, Allowed, check, count
 
 Array = NDArray[np.float64]
@@ -63,13 +64,9 @@ class EdgeParameters:
         check(self, max_contrast=Allowed(self.min_contrast), min_length_px=count(1), max_gap_px=count())
 
     @property
-    def total_smoothing_px(self) -> float:
-        """Standard deviation of all that blurs an edge.
-
-        The Gaussian, the Sobel operator (variance 1/2 across its mask), the area of a pixel (1/12), and a sharp lens
-        (0.6 px).
-        """
-        return float(np.sqrt(self.smoothing_px**2 + 0.5 + 1 / 12 + 0.36))
+    def blur_variance(self) -> float:
+        """Variance in px² of all that blurs an edge: the Gaussian, the Sobel operator, and a sharp camera."""
+        return float(self.smoothing_px**2 + SOBEL_VARIANCE + CAMERA_VARIANCE)
 
 
 @dataclass(frozen=True, eq=False)
