@@ -15,7 +15,7 @@ from vision.errors import InputError
 
 Task = Literal["pick", "none"]
 SENSORS = ("ideal", "lab", "shopfloor")
-LOCALIZERS = ("dual", "region", "group", "oracle")
+LOCALIZERS = ("focal", "focal-region", "focal-group", "paper", "previous", "oracle")
 TASKS: tuple[str, ...] = get_args(Task)
 VIEWS = (2, 3)
 MOST_PIECES = 8
@@ -89,7 +89,7 @@ class EpisodeConfig:
     scene: int = 0
     seed: int = 0
     sensor: str = "lab"
-    localizer: str = "dual"
+    localizer: str = "focal"
     views: int = 3
     task: Task = "pick"
     variant: Variant | None = field(default=None, metadata=MAY_BE_MISSING)
@@ -142,7 +142,7 @@ class SweepConfig:
     scenes: int = 35
     pieces: int = 4
     sensor: str = "lab"
-    localizer: str = "dual"
+    localizer: str = "focal"
     views: int = 3
     seed: int = 0
     task: Task = "pick"

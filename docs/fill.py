@@ -58,8 +58,8 @@ def table1_block(table: Table, scenes: int, pieces: int, sensor: str) -> str:
     blocks = [
         f"{scope} (mean ± standard deviation over the matched pieces at least {_share(BARELY_VISIBLE)}\nvisible):",
         _untitled(_published(table)),
-        'Both extractors together ("dual", the paper\'s system) against region growing alone (its predecessor):',
-        _untitled(_dual(table)),
+        "Both extractors together (`focal`) against region growing alone (`focal-region`):",
+        _untitled(_focal(table)),
         "In brackets: 95 % Wilson interval. The records are in `results/table1`; `focalpick table results/table1` "
         "prints all of it.",
     ]
@@ -67,15 +67,15 @@ def table1_block(table: Table, scenes: int, pieces: int, sensor: str) -> str:
 
 
 def sensor_block(table: Table, scenes: int, pieces: int, sensor: str) -> str:
-    """The figures of the dual localizer with one sensor."""
+    """The figures of the focal localizer with one sensor."""
     rows = []
     for part in table.parts:
-        half, any_ = (table.find_success(part, "dual", "matching", at).rate for at in (HALF_VISIBLE, BARELY_VISIBLE))
-        row = table.find_accuracy(part, "dual", BARELY_VISIBLE)
+        half, any_ = (table.find_success(part, "focal", "matching", at).rate for at in (HALF_VISIBLE, BARELY_VISIBLE))
+        row = table.find_accuracy(part, "focal", BARELY_VISIBLE)
         errors = [plus_minus(row.errors[name], 2) for name in ("translation_mm", "tilt_deg", "inplane_deg")]
         rows.append((part_title(part), _of(half), _of(any_), *errors, _of(row.coverage)))
     grid = Grid(
-        title=f"Sensor {sensor}: matching, pose error and covariance of dual",
+        title=f"Sensor {sensor}: matching, pose error and covariance of focal",
         columns=(
             "Object",
             f"matched, ≥ {HALF_VISIBLE:.0%} visible",
@@ -169,7 +169,7 @@ def _published(table: Table) -> Grid:
     rows, last = [], None
     for row in table.table1:
         label = "" if row.part == last else SIZED.get(row.part, row.part)
-        rows.append((label, f"{row.method}-match", str(row.n), *_beside_published(row)))
+        rows.append((label, f"{row.method.removeprefix('focal-')}-match", str(row.n), *_beside_published(row)))
         last = row.part
     columns = ("Object", "Extractor", "n", "Translation (mm)", "published", "Rotation (°)", "published")
     return Grid("", columns, tuple(rows))
@@ -186,28 +186,28 @@ def _beside_published(row: AccuracyRow) -> list[str]:
     return cells
 
 
-def _dual(table: Table) -> Grid:
+def _focal(table: Table) -> Grid:
     rows = []
     for part in table.parts:
-        dual, region = (table.find_success(part, m, "matching", HALF_VISIBLE) for m in ("dual", "region"))
-        errors = table.find_accuracy(part, "dual", BARELY_VISIBLE).errors
+        focal, region = (table.find_success(part, m, "matching", HALF_VISIBLE) for m in ("focal", "focal-region"))
+        errors = table.find_accuracy(part, "focal", BARELY_VISIBLE).errors
         picks = table.picks[part]
         rows.append(
             (
                 SIZED.get(part, part),
-                _percent(dual.rate),
+                _percent(focal.rate),
                 _percent(region.rate),
-                _percent(table.find_success(part, "dual", "matching", BARELY_VISIBLE).rate),
-                NOTHING if dual.published is None else _share(dual.published),
+                _percent(table.find_success(part, "focal", "matching", BARELY_VISIBLE).rate),
+                NOTHING if focal.published is None else _share(focal.published),
                 f"{errors['translation_mm'].mean:.2f} mm, {errors['tilt_deg'].mean:.2f}°",
                 f"{picks.successes} of {picks.n}",
             )
         )
     columns = (
         "Object",
-        "matched, dual, ≥ 50 % visible",
+        "matched, focal, ≥ 50 % visible",
         "region growing alone",
-        "dual, ≥ 10 % visible",
+        "focal, ≥ 10 % visible",
         "published, all pieces",
         "error of the final pose",
         "first picks",

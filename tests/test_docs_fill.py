@@ -44,7 +44,7 @@ def test_a_sensor_has_its_rates_errors_and_coverage():
     hit = LocalizerResult(True, True, PoseErrors(0.5, 0.25, 0.125, 0.25, 1.0), NormalizedError(3.0, 6))
     miss = LocalizerResult(False, False)
     pieces = tuple(
-        PieceRecord(i, "hub", visibility, True, {"dual": result})
+        PieceRecord(i, "hub", visibility, True, {"focal": result})
         for i, (visibility, result) in enumerate([(0.9, hit), (0.8, hit), (0.3, miss)])
     )
     episode = CONFIG.episode("hub", 0)

@@ -22,7 +22,7 @@ def run(
     scene: Number = 0,
     pieces: Number = 4,
     sensor: Name = "lab",
-    localizer: Name = "dual",
+    localizer: Name = "focal",
     views: Number = 3,
     task: Name = "pick",
     models: OptionalPath = None,
@@ -41,7 +41,7 @@ def run(
         scene: number of the scene within the sweep, from 0.
         pieces: pieces dropped into the bin; the paper has 4 to 6.
         sensor: what the camera adds to the image: ideal, lab or shopfloor.
-        localizer: what finds the poses: dual, region, group, oracle, or module:name of your own.
+        localizer: finds the poses: focal, focal-region, focal-group, paper, previous, oracle, or module:name.
         views: number of viewpoints, 2 or 3.
         task: pick, or none to stop when the poses are found.
         models: directory of taught models, each named after its part: pulley.json for pulley.obj. They come before

@@ -63,7 +63,7 @@ def sweep(
         scenes: number of scenes of each part.
         pieces: pieces dropped into each scene; the paper has 4 to 6.
         sensor: what the camera adds: ideal (nothing), lab (noise, blur, changing light), shopfloor (more, and dirt).
-        localizer: finds the poses: dual (the paper's), region or group (half of it), oracle (true), or module:name.
+        localizer: finds the poses: focal, focal-region, focal-group, paper, previous, oracle, or module:name.
         views: number of viewpoints, 2 or 3.
         task: pick, or none to stop when the poses are found.
         workers: processes that run side by side, one for each core in the presets.

@@ -29,7 +29,7 @@ from vision.features import EllipseFeature
 from vision.geometry.camera import View
 from vision.geometry.circle import project_circle
 from vision.geometry.ellipse import Ellipse, overlap
-from vision.localizer import Localization
+from vision.localizer import PRESETS, Localization
 from vision.pose.estimate import PoseEstimate
 
 Array = NDArray[np.float64]
@@ -134,7 +134,7 @@ def _extracted(name: str, ellipses: Sequence[Sequence[Ellipse]], localization: L
         return False
     best = []
     for expected, found in zip(ellipses, localization.features, strict=True):
-        mine = [f for f in found if name not in ("region", "group") or f.extractor == name]
+        mine = [f for f in found if name not in PRESETS or f.extractor in PRESETS[name]]
         best.append(max((_best_overlap(e, mine) for e in expected), default=0.0))
     return is_extracted(best)
 

@@ -118,7 +118,7 @@ class PieceRecord:
         part: name of its type.
         visibility: the visible share of its silhouette, 0 to 1, mean over the views.
         in_bin: False when it bounced out; it is then counted apart.
-        results: by localizer: ``region``, ``group``, ``dual``, or the name of the user's own.
+        results: by localizer, one of ``benchmark.config.LOCALIZERS`` or the user's own.
         failed_stage: where the run's localizer lost the piece, None when it did not.
     """
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE
 from benchmark.records.episode_record import EpisodeRecord
 from benchmark.report.published import TITLES
-from benchmark.report.render import EXTRACTOR_TITLES, METHOD_TITLES
+from benchmark.report.render import EXTRACTOR_TITLES
 from benchmark.report.tables import STAGES, Table, table1_order
 from vision.errors import InputError
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = {"region": "#9aa5b1", "group": "#c98f3c", "dual": "#1f6f8b"}
+COLOURS = {"focal-region": "#9aa5b1", "focal-group": "#c98f3c", "focal": "#1f6f8b"}
 OTHER_COLOURS = ("#7a4f9a", "#4f9a5d", "#b0413e")
 PUBLISHED = "#d1495b"
 STYLE = {
@@ -90,29 +90,28 @@ def draw_fig10(table: Table) -> Figure:
 
 
 def _draw_rates(ax: Axes, table: Table, stage: str) -> None:
-    methods = [method for method in table.methods if method != "group"]
+    methods = [method for method in table.methods if method != "focal-group"]
     width = 0.8 / len(methods)
     positions = np.arange(len(table.parts))
     for i, method in enumerate(methods):
         x = positions + (i - (len(methods) - 1) / 2) * width
         rates = [table.find_success(part, method, stage, HALF_VISIBLE).rate for part in table.parts]
-        label = METHOD_TITLES.get(method, method)
-        ax.bar(x, [rate.rate or 0.0 for rate in rates], width * 0.92, color=_colour(method, i), label=label)
+        ax.bar(x, [rate.rate or 0.0 for rate in rates], width * 0.92, color=_colour(method, i), label=method)
         for xi, rate in zip(x, rates, strict=True):
             if rate.rate is not None and rate.low is not None and rate.high is not None:
                 reach = [[rate.rate - rate.low], [rate.high - rate.rate]]
                 ax.errorbar(xi, rate.rate, reach, color="#222222", linewidth=1.2, capsize=3)
             ax.text(xi, 0.02, f"n={rate.n}", ha="center", color="white" if rate.rate else "#555555", fontsize=8)
-    _draw_published(ax, table, stage, positions + (methods.index("dual") - (len(methods) - 1) / 2) * width, width)
+    _draw_published(ax, table, stage, positions + (methods.index("focal") - (len(methods) - 1) / 2) * width, width)
     ax.set_xticks(positions, [TITLES.get(part, part) for part in table.parts])
     ax.tick_params(axis="x", length=0)
     ax.set_ylim(0, 1.03)
 
 
 def _draw_published(ax: Axes, table: Table, stage: str, centres: NDArray[np.floating], width: float) -> None:
-    label = "dual, published (all pieces)"
+    label = "focal, published (all pieces)"
     for x, part in zip(centres, table.parts, strict=True):
-        published = table.find_success(part, "dual", stage, HALF_VISIBLE).published
+        published = table.find_success(part, "focal", stage, HALF_VISIBLE).published
         if published is not None:
             ax.hlines(published, x - width * 0.55, x + width * 0.55, color=PUBLISHED, linewidth=2.2, label=label)
             label = "_nolegend_"  # once is enough

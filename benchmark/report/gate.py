@@ -5,7 +5,7 @@ part, ``[picks.PART]`` the picks, ``[episodes]`` what may go wrong altogether::
 
     min_visibility = 0.5            # over which pieces; 0.5 when left out
 
-    [dual.hub]
+    [focal.hub]
     matching_rate_low = 0.6         # lower bound of the 95 % interval, at least
     translation_mm_mean = 1.0       # at most
     coverage_min = 0.9              # share of true poses inside the 95 % ellipsoid, at least
@@ -37,7 +37,7 @@ EPISODE_KEYS = ("failed", "missing")
 
 @dataclass(frozen=True)
 class Limit:
-    """One threshold: ``name`` as in the file, for example ``dual.hub.matching_rate_low``."""
+    """One threshold: ``name`` as in the file, for example ``focal.hub.matching_rate_low``."""
 
     section: str
     part: str

@@ -21,8 +21,7 @@ from benchmark.report.grid import (
 from benchmark.report.published import PublishedErrors
 from benchmark.report.tables import STAGES, AccuracyRow, Table
 
-EXTRACTOR_TITLES = {"region": "Region-match", "group": "Group-match"}
-METHOD_TITLES = {"region": "previous (region growing)", "group": "edge grouping alone", "dual": "dual"}
+EXTRACTOR_TITLES = {"focal-region": "Region-match", "focal-group": "Group-match"}
 STAGE_TITLES = {
     "extraction": "Fig. 10 (a)  Feature extraction success",
     "matching": "Fig. 10 (b)  Feature matching success",
@@ -92,7 +91,7 @@ def _joint(table: Table) -> list[Grid]:
     cells = tuple(
         (
             part_title(row.part),
-            METHOD_TITLES.get(row.method, row.method),
+            row.method,
             str(row.n),
             *(
                 plus_minus(row.errors[name], 3)
@@ -121,7 +120,7 @@ def coverage_grid(table: Table) -> Grid:
         rows.append((part_title(part), str(max(rate.n for rate in rates)), *map(rate_text, rates)))
     return Grid(
         title=f"Inside the {ELLIPSOID_SHARE:.0%} ellipsoid: share of true poses that the covariance allows for",
-        columns=("Object", "n", *(METHOD_TITLES.get(m, m) for m in table.methods)),
+        columns=("Object", "n", *table.methods),
         rows=tuple(rows),
         note=f"Matched pieces at least {BARELY_VISIBLE:.0%} visible. In brackets: 95 % Wilson interval.",
     )
@@ -146,21 +145,21 @@ def _fig10(table: Table, stage: str) -> Grid:
     levels = tuple(dict.fromkeys(row.min_visibility for row in table.success))
     cells = [(level, part) for level in levels for part in table.parts]
     rows = []
-    methods = [m for m in table.methods if m != "group"]
+    methods = [m for m in table.methods if m != "focal-group"]
     for i, (level, part) in enumerate(cells):
         bars = {method: table.find_success(part, method, stage, level) for method in methods}
         rates = [rate_text(bars[method].rate) for method in methods]
         first = i == 0 or cells[i - 1][0] != level
         label = f"≥ {level:.0%}" if first else ""
-        published = bars["dual"].published
+        published = bars["focal"].published
         n = str(max(bar.rate.n for bar in bars.values()))
         rows.append((label, part_title(part), n, *rates, NOTHING if published is None else f"{published:.0%}"))
     return Grid(
         title=STAGE_TITLES[stage],
-        columns=("Visible", "Object", "n", *(METHOD_TITLES.get(m, m) for m in methods), "dual, published"),
+        columns=("Visible", "Object", "n", *methods, "focal, published"),
         rows=tuple(rows),
         sections=last_of_each([str(level) for level, _ in cells]),
-        quiet=frozenset({"dual, published"}),
+        quiet=frozenset({"focal, published"}),
         note=""
         if stage == STAGES[0]
         else "In brackets: 95 % Wilson interval. The paper's rates are over all its pieces.",

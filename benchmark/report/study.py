@@ -52,7 +52,7 @@ class CalibrationLimit:
 
     Attributes:
         part: its name.
-        method: ``region`` and ``group`` are held to their own rows, everything else to the better of the two.
+        method: ``focal-region`` and ``focal-group`` are held to their extractor's row, all others to the better one.
         published: the row.
         translation: hand-eye error in mm up to which the mean translation error meets it.
         rotation: the same for the rotation error.
@@ -120,7 +120,7 @@ class Study:
         """For each part of the paper, the run's own localizer and each extractor; empty for another study."""
         if not self.is_calibration:
             return []
-        methods = dict.fromkeys([self.method, *(EXTRACTORS if self.method == "dual" else ())])
+        methods = dict.fromkeys([self.method, *(EXTRACTORS if self.method == "focal" else ())])
         return [
             _calibration_limit(part, method, published, self.curve(part, method))
             for part in self.parts

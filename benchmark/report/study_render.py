@@ -18,7 +18,7 @@ from benchmark.report.grid import (
     print_grids,
     rate_text,
 )
-from benchmark.report.render import EXTRACTOR_TITLES, METHOD_TITLES, remarks
+from benchmark.report.render import EXTRACTOR_TITLES, remarks
 from benchmark.report.study import CalibrationLimit, Crossing, CurvePoint, Study
 
 TextOf = Callable[[Study, str, Variant], str]
@@ -64,7 +64,7 @@ def _against_calibration(study: Study) -> Grid:
         for i, (title, (_, point)) in enumerate(zip(titles, points, strict=True))
     )
     return Grid(
-        title=f"Matching and pose error against the hand-eye error: {METHOD_TITLES.get(study.method, study.method)}",
+        title=f"Matching and pose error against the hand-eye error: {study.method}",
         columns=(
             "Object",
             "Hand-eye (mm)",
@@ -88,7 +88,7 @@ def _limits(limits: list[CalibrationLimit]) -> Grid:
     rows = tuple(
         (
             title if i == 0 or titles[i - 1] != title else "",
-            EXTRACTOR_TITLES.get(limit.method, METHOD_TITLES.get(limit.method, limit.method)),
+            EXTRACTOR_TITLES.get(limit.method, limit.method),
             f"{limit.published.translation_mm_mean:.1f}",
             _crossing(limit.translation),
             f"{limit.published.rotation_deg_mean:.1f}",
@@ -114,7 +114,7 @@ def _limits(limits: list[CalibrationLimit]) -> Grid:
         sections=last_of_each(titles),
         quiet=frozenset({"published (mm)", "published (°)"}),
         note="Interpolated between the errors that were tried; > where the largest of them meets it too.\n"
-        f"Dual is held to the better published row. Matched: of pieces at least {BARELY_VISIBLE:.0%} visible.",
+        f"Focal is held to the better published row. Matched: of pieces at least {BARELY_VISIBLE:.0%} visible.",
     )
 
 

@@ -18,9 +18,9 @@ from benchmark.report.margins import Margin, paired_margin
 from benchmark.report.published import FIGURE_10, TABLE_1, PublishedErrors, paper_order
 from benchmark.report.rate import Rate
 
-EXTRACTORS = ("region", "group")
-METHODS = ("region", "group", "dual")
-COMPARED = ("dual", "region")
+EXTRACTORS = ("focal-region", "focal-group")
+METHODS = ("focal-region", "focal-group", "focal")
+COMPARED = ("focal", "focal-region")
 STAGES = ("extraction", "matching")
 QUANTITIES = ("translation_mm", "rotation_deg", "tilt_deg", "inplane_deg", "mssd_mm")
 LEVELS = (HALF_VISIBLE, BARELY_VISIBLE)
@@ -32,7 +32,7 @@ class AccuracyRow:
 
     Attributes:
         part: its name.
-        method: the localizer; ``region`` and ``group`` are the paper's region-match and group-match.
+        method: the localizer; ``focal-region`` and ``focal-group`` are the paper's region-match and group-match.
         min_visibility: pieces less visible are left out.
         errors: one summary for each of ``QUANTITIES``; its n is less where a quantity is undefined for the part.
         coverage: the share of true poses inside the 95 % ellipsoids of the poses' covariances; its n is less where
@@ -59,7 +59,7 @@ class SuccessRow:
 
     Attributes:
         part: its name.
-        method: the localizer; ``region`` is the paper's previous method, ``dual`` the proposed one.
+        method: the localizer; ``focal-region`` is the paper's previous method, ``focal`` the proposed one.
         stage: ``extraction`` (Fig. 10a) or ``matching`` (Fig. 10b).
         min_visibility: pieces less visible are left out.
         rate: over the pieces that are visible enough and in the bin.
@@ -106,8 +106,8 @@ class Table:
         failed: key and error of those that did not finish; their pieces are in no rate.
         accuracy: for each part, method and visibility level.
         success: for each part, method, stage and visibility level.
-        margins: of dual over region growing alone in matching, for each part and visibility level.
-        made_good: what dual matched of what one extractor lost, for each part and visibility level.
+        margins: of focal over region growing alone in matching, for each part and visibility level.
+        made_good: what focal matched of what one extractor lost, for each part and visibility level.
         picks: success rate of attempted picks by part.
         counts: by part.
     """

@@ -1,6 +1,6 @@
 """How long the vision step takes on one core, stage by stage: ``python -m benchmark.timing.vision_step``.
 
-The pictures are those of episodes with seeds of their own. What is timed is ``localize`` of the dual localizer,
+The pictures are those of episodes with seeds of their own. What is timed is ``localize`` of the focal localizer,
 without the two runs of single extractors that the benchmark adds for comparison. ``--photographs DIR`` times the
 ellipse detector on the pictures of a directory, too.
 """
@@ -98,10 +98,10 @@ def photograph(part: str, scene: int, views: int = 3) -> Scene:
 
 def time_scene(scene: Scene) -> dict[str, float]:
     """Seconds per view of ``localize`` and of the stages within it."""
-    dual = localizer.EllipseLocalizer([load_model(scene.part)])
+    focal = localizer.EllipseLocalizer([load_model(scene.part)])
     with StageClock(STAGES) as clock:
         start = time.perf_counter()
-        dual.localize(scene.views, scene.workspace)
+        focal.localize(scene.views, scene.workspace)
         total = time.perf_counter() - start
     times = {stage: clock.seconds(stage) for stage in STAGES} | {TOTAL: total}
     return {stage: seconds / len(scene.views) for stage, seconds in times.items()}

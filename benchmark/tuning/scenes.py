@@ -47,7 +47,7 @@ class KnownScene:
         return frozenset(i for i, p in enumerate(self.pieces) if p.in_bin and p.visibility >= least)
 
     def localize(self, parameters: MatchingParameters) -> Localization:
-        """What the dual localizer finds with these settings, told what the sensor states of its calibration."""
+        """What the focal localizer finds with these settings, told what the sensor states of its calibration."""
         told = replace(parameters, calibration=calibration_error(sensor_config(self.sensor)))
         return EllipseLocalizer([load_model(self.part)], parameters=told).localize(self.views, self.workspace)
 

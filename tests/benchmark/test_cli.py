@@ -24,7 +24,7 @@ SMALL = ("--scenes", "1", "--parts", "hub", "--workers", "1")
 
 def fake_episode(config: EpisodeConfig) -> EpisodeRecord:
     result = LocalizerResult(True, True, PoseErrors(0.5, 0.4, None, 0.4, 1.0))
-    results = {"region": result, "group": result, "dual": result}
+    results = {"focal-region": result, "focal-group": result, "focal": result}
     pieces = tuple(PieceRecord(i, config.parts[0], 0.9, True, results) for i in range(config.pieces))
     timings = {"drop": 0.5, "render": 0.25, "total": 2.0}
     return EpisodeRecord(
@@ -69,9 +69,9 @@ def test_sweep_then_table_then_check(
         assert "0.50 ± 0.00" in capsys.readouterr().out
     thresholds = tmp_path / "thresholds.toml"
     for limit, code, word in ((0.6, 0, "ok"), (0.4, 1, "MISSED")):
-        thresholds.write_text(f"[dual.hub]\ntranslation_mm_mean = {limit}")
+        thresholds.write_text(f"[focal.hub]\ntranslation_mm_mean = {limit}")
         assert cli.main(["check", str(out), "--thresholds", str(thresholds)]) == code
-        assert f"{word:6}  dual.hub.translation_mm_mean: 0.5 (n = 4)" in capsys.readouterr().out
+        assert f"{word:6}  focal.hub.translation_mm_mean: 0.5 (n = 4)" in capsys.readouterr().out
 
 
 def test_run_prints_each_piece(simulator: types.ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
@@ -150,7 +150,7 @@ def test_wrong_thresholds_key(
 ) -> None:
     cli.main(["sweep", *SMALL, "--out", str(tmp_path)])
     thresholds = tmp_path / "thresholds.toml"
-    thresholds.write_text("[dual.hub]\nmatching = 1")
+    thresholds.write_text("[focal.hub]\nmatching = 1")
     message = fails_with_one_line(capsys, "check", str(tmp_path), "--thresholds", str(thresholds))
     assert "matching_rate_low" in message
 

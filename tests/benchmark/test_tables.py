@@ -35,9 +35,9 @@ def matched(translation_mm: float, tilt_deg: float = 1.0) -> LocalizerResult:
 def piece(
     index: int, visibility: float, part: str = "hub", in_bin: bool = True, **results: LocalizerResult
 ) -> PieceRecord:
-    return PieceRecord(
-        index, part, visibility, in_bin, results, None if results.get("dual") != MISSED else "extraction"
-    )
+    methods = {f"focal-{name}" if name in ("region", "group") else name: found for name, found in results.items()}
+    failed = None if results.get("focal") != MISSED else "extraction"
+    return PieceRecord(index, part, visibility, in_bin, methods, failed)
 
 
 def record(kind: str = "hub", scene: int = 0, **fields: object) -> EpisodeRecord:
@@ -48,14 +48,14 @@ def record(kind: str = "hub", scene: int = 0, **fields: object) -> EpisodeRecord
 
 HUB = record(
     pieces=(
-        piece(0, 0.9, region=matched(1.0), group=FOUND, dual=matched(1.0)),
-        piece(1, 0.5, region=MISSED, group=matched(2.0), dual=matched(3.0, 2.0)),
-        piece(2, 0.2, region=matched(5.0), group=MISSED, dual=MISSED),
-        piece(3, 0.05, region=matched(50.0), group=matched(50.0), dual=matched(50.0)),
-        piece(4, 0.9, in_bin=False, region=MISSED, group=MISSED, dual=MISSED),
+        piece(0, 0.9, region=matched(1.0), group=FOUND, focal=matched(1.0)),
+        piece(1, 0.5, region=MISSED, group=matched(2.0), focal=matched(3.0, 2.0)),
+        piece(2, 0.2, region=matched(5.0), group=MISSED, focal=MISSED),
+        piece(3, 0.05, region=matched(50.0), group=matched(50.0), focal=matched(50.0)),
+        piece(4, 0.9, in_bin=False, region=MISSED, group=MISSED, focal=MISSED),
     ),
     picks=(PickRecord(True, 0, True), PickRecord(True, None, False, "grip"), PickRecord(False, None, False)),
-    false_positives={"dual": 2},
+    false_positives={"focal": 2},
 )
 
 
@@ -66,21 +66,22 @@ def success(table: dict, **wanted: object) -> dict:
 
 def test_rates_are_counted_over_what_is_visible_enough_and_in_the_bin() -> None:
     table = to_dict(build_table(CONFIG, [HUB]))
-    row = success(table, part="hub", method="dual", stage="matching", min_visibility=0.5)
+    row = success(table, part="hub", method="focal", stage="matching", min_visibility=0.5)
     assert (row["n"], row["successes"], row["rate"], row["published"]) == (2, 2, 1.0, 0.77)
     assert (row["low"], row["high"]) == wilson_interval(2, 2)
-    row = success(table, part="hub", method="dual", stage="matching", min_visibility=0.1)
+    row = success(table, part="hub", method="focal", stage="matching", min_visibility=0.1)
     assert (row["n"], row["successes"]) == (3, 2)
-    row = success(table, part="hub", method="region", stage="extraction", min_visibility=0.1)
+    row = success(table, part="hub", method="focal-region", stage="extraction", min_visibility=0.1)
     assert (row["n"], row["successes"], row["published"]) == (3, 2, None)
-    row = success(table, part="hub", method="group", stage="extraction", min_visibility=0.5)
+    row = success(table, part="hub", method="focal-group", stage="extraction", min_visibility=0.5)
     assert (row["n"], row["successes"]) == (2, 2)
 
 
-def test_margin_of_dual_over_region_growing_is_over_the_same_pieces() -> None:
+def test_margin_of_focal_over_region_growing_is_over_the_same_pieces() -> None:
     scenes = [
         record(
-            scene=i, pieces=(piece(0, 0.9, region=MISSED, dual=matched(1.0)), piece(1, 0.3, region=FOUND, dual=FOUND))
+            scene=i,
+            pieces=(piece(0, 0.9, region=MISSED, focal=matched(1.0)), piece(1, 0.3, region=FOUND, focal=FOUND)),
         )
         for i in range(12)
     ]
@@ -101,7 +102,7 @@ def test_without_both_localizers_there_is_no_comparison_of_them() -> None:
     assert "lost it" not in shown(table)
 
 
-def test_what_one_extractor_lost_and_dual_matched_is_counted() -> None:
+def test_what_one_extractor_lost_and_focal_matched_is_counted() -> None:
     hit, lost = matched(1.0), MISSED
     trios = [
         (hit, hit, hit),  # both extracted it
@@ -113,8 +114,8 @@ def test_what_one_extractor_lost_and_dual_matched_is_counted() -> None:
         (lost, lost, hit),  # an arc was enough
         (lost, lost, lost),
     ]
-    pieces = tuple(piece(i, 0.9, region=r, group=g, dual=d) for i, (r, g, d) in enumerate(trios))
-    unjudged = (piece(8, 0.9, region=lost, dual=hit), piece(9, 0.9, in_bin=False, region=lost, group=hit, dual=hit))
+    pieces = tuple(piece(i, 0.9, region=r, group=g, focal=d) for i, (r, g, d) in enumerate(trios))
+    unjudged = (piece(8, 0.9, region=lost, focal=hit), piece(9, 0.9, in_bin=False, region=lost, group=hit, focal=hit))
     table = build_table(CONFIG, [record(pieces=pieces + unjudged)])
     (row,) = (r for r in to_dict(table)["made_good"] if (r["part"], r["min_visibility"]) == ("hub", 0.5))
     counts = {name: (r["successes"], r["n"]) for name, r in {**row["extraction"], **row["matching"]}.items()}
@@ -137,14 +138,17 @@ def believed(squared: float, components: int = 6) -> LocalizerResult:
 def test_coverage_is_the_share_of_matched_pieces_inside_the_ellipsoid() -> None:
     """The 95 % quantiles of chi-square are 12.59 for six components and 11.07 for five."""
     pieces = [believed(12.5), believed(12.7), believed(11.2, 5), believed(11.0, 5), matched(1.0), FOUND]
-    table = build_table(CONFIG, [record(pieces=tuple(piece(i, 0.9, dual=p) for i, p in enumerate(pieces)))])
+    table = build_table(CONFIG, [record(pieces=tuple(piece(i, 0.9, focal=p) for i, p in enumerate(pieces)))])
     (row,) = (
-        r for r in to_dict(table)["accuracy"] if (r["part"], r["method"], r["min_visibility"]) == ("hub", "dual", 0.5)
+        r
+        for r in to_dict(table)["accuracy"]
+        if (r["part"], r["method"], r["min_visibility"]) == ("hub", "focal", 0.5)
     )
     assert (row["n"], row["coverage"]["n"], row["coverage"]["successes"]) == (5, 4, 2)
     assert (row["coverage"]["low"], row["coverage"]["high"]) == wilson_interval(2, 4)
     text = shown(table)
-    hub, cover1 = (line.split() for line in text[text.index("Inside the 95% ellipsoid") :].splitlines()[4:6])
+    lines = [line.split() for line in text[text.index("Inside the 95% ellipsoid") :].splitlines()]
+    hub, cover1 = (next(line for line in lines if line[:1] == [word]) for word in ("Hub", "Alternator"))
     assert hub == ["Hub", "4", "–", "–", "50%", "(15%", "to", "85%)"]
     assert cover1[-4:] == ["0", "–", "–", "–"]
 
@@ -152,12 +156,12 @@ def test_coverage_is_the_share_of_matched_pieces_inside_the_ellipsoid() -> None:
 def test_table1_is_over_matched_pieces_in_the_papers_order() -> None:
     table = to_dict(build_table(CONFIG, [HUB]))
     assert [(row["part"], row["process"]) for row in table["table1"]] == [
-        ("hub", "region"),
-        ("hub", "group"),
-        ("cover1", "region"),
-        ("cover1", "group"),
-        ("cover2", "group"),
-        ("cover2", "region"),
+        ("hub", "focal-region"),
+        ("hub", "focal-group"),
+        ("cover1", "focal-region"),
+        ("cover1", "focal-group"),
+        ("cover2", "focal-group"),
+        ("cover2", "focal-region"),
     ]
     region, group = table["table1"][:2]
     assert (region["n"], region["translation_mm_mean"], region["translation_mm_median"]) == (2, 3.0, 3.0)
@@ -184,7 +188,7 @@ def test_empty_groups_are_null() -> None:
 def test_what_is_in_no_rate_is_counted_apart() -> None:
     (count,) = (c for c in to_dict(build_table(CONFIG, [HUB]))["counts"] if c["part"] == "hub")
     assert (count["pieces"], count["out_of_bin"], count["barely_visible"]) == (5, 1, 1)
-    assert count["false_positives"] == {"dual": 2}
+    assert count["false_positives"] == {"focal": 2}
     assert count["lost_at"] == {"extraction": 2}
 
 
@@ -202,12 +206,12 @@ def test_mixed_scenes_count_for_each_part() -> None:
         scene=0,
         seed=0,
         config_hash="",
-        pieces=(piece(0, 0.9, "hub", dual=matched(1.0)), piece(1, 0.9, "cover1", dual=MISSED)),
+        pieces=(piece(0, 0.9, "hub", focal=matched(1.0)), piece(1, 0.9, "cover1", focal=MISSED)),
         picks=(PickRecord(True, 1, True),),
     )
     table = to_dict(build_table(config, [mixed]))
     rates = {
-        part: success(table, part=part, method="dual", stage="matching", min_visibility=0.5)
+        part: success(table, part=part, method="focal", stage="matching", min_visibility=0.5)
         for part in ("hub", "cover1")
     }
     assert (rates["hub"]["successes"], rates["cover1"]["successes"]) == (1, 0)
@@ -225,7 +229,7 @@ def test_failed_episodes_are_reported_and_in_no_rate() -> None:
 def test_the_order_of_the_records_and_their_timings_do_not_matter() -> None:
     records = [
         record(
-            config.kind, 0, pieces=tuple(piece(j, 0.9, config.kind, dual=matched(0.1 * i + j / 7)) for j in range(4))
+            config.kind, 0, pieces=tuple(piece(j, 0.9, config.kind, focal=matched(0.1 * i + j / 7)) for j in range(4))
         )
         for i, config in enumerate(episodes(CONFIG))
     ]

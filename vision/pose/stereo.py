@@ -68,6 +68,24 @@ def _closed_form(
     views: Sequence[View],
     circles: SalientCircles,
 ) -> Array | None:
+    of_part, of_world, weights = rim_correspondences(T_world_part, matches, features, views, circles)
+    if len(weights) < FEWEST_POINTS:
+        return None
+    return absolute_orientation(of_part, of_world, weights).as_matrix()
+
+
+def rim_correspondences(
+    T_world_part: Array,
+    matches: NDArray[np.intp],
+    features: Sequence[Sequence[EllipseFeature]],
+    views: Sequence[View],
+    circles: SalientCircles,
+) -> tuple[Array, Array, Array]:
+    """Points of the salient circles that two views see, triangulated; the arguments are those of `pose_by_stereo`.
+
+    Returns:
+        The points in the part's frame (N, 3), the same in the world (N, 3), and their weights (N,) in 1 / px².
+    """
     of_part, of_world, weights = [np.empty((0, 3))], [np.empty((0, 3))], [np.empty(0)]
     farthest_m = FARTHEST * circles.radius.max()
     for k in range(matches.shape[1]):
@@ -79,9 +97,7 @@ def _closed_form(
             of_part.append(model)
             of_world.append(points)
             weights.append(weight)
-    if sum(map(len, weights)) < FEWEST_POINTS:
-        return None
-    return absolute_orientation(np.vstack(of_part), np.vstack(of_world), np.concatenate(weights)).as_matrix()
+    return np.vstack(of_part), np.vstack(of_world), np.concatenate(weights)
 
 
 def triangulate(origins: Array, directions: Array) -> Array:

@@ -1,0 +1,126 @@
+"""The paper's own system on drawn plates, and its parts on drawn ellipses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from vision.errors import InputError
+from vision.geometry.ellipse import Ellipse
+from vision.geometry.workspace import Workspace
+from vision.model.vision_model import AttributeRange
+from vision.paper.edge_grouping import group_by_aggregation
+from vision.paper.ellipse_filter import EllipseFilter, initial_estimate
+from vision.paper.localizer import PaperLocalizer
+from vision.paper.region_growing import PruningParameters, attribute_constraints, grow_ellipses
+
+WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))
+TRUE = Ellipse.from_geometric(100.0, 80.0, 50.0, 30.0, 0.4)
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """A bright ellipse and a small one on a dark ground."""
+    image = np.full((480, 640), 40.0)
+    y, x = np.mgrid[:480, :640]
+    for ellipse, grey in ((Ellipse.from_geometric(300, 220, 90, 60, 0.5), 180), (TRUE, 120)):
+        inside = ellipse.distance(np.column_stack([x.ravel(), y.ravel()]).astype(float)).reshape(480, 640)
+        image += np.clip(0.5 - inside, 0, 1) * (grey - image)
+    return cv2.GaussianBlur(image, None, 0.7).round().astype(np.uint8)
+
+
+@pytest.fixture
+def scene(pose):
+    return [pose(-33, 0, 0, about=(5, 3, 11)), pose(33, 4, 1, about=(-4, 6, 70))]
+
+
+def strategy(model, salient, supporting):
+    """The model with other extractors for its salient and its supporting features."""
+    of_role = {"salient": salient, "supporting": supporting}
+    return replace(model, features=tuple(replace(f, extractor=of_role[f.role]) for f in model.features))
+
+
+def test_moments_of_a_whole_outline_are_those_of_the_ellipse():
+    assert initial_estimate(TRUE.sample(400))[4] == pytest.approx(TRUE.p[4], rel=0.05)
+
+
+def test_the_filter_finds_an_ellipse_from_a_rough_estimate():
+    points = TRUE.sample(64) + np.random.default_rng(10_000).normal(scale=0.2, size=(64, 2))
+    state = EllipseFilter(initial_estimate(points) + np.array([4, -3, 3, 2, 6]), prior_px=15.0, noise_px=1.0)
+    before = state.fitting_error(points)
+    state.take_in(points)
+    assert state.is_ellipse
+    assert state.fitting_error(points) < 0.2 * before
+    assert np.abs(Ellipse(state.p).semi_axes - np.array(TRUE.semi_axes)).max() < 1.5
+    assert np.linalg.eigvalsh(state.covariance).min() > 0
+
+
+def test_foci_that_start_in_the_centroid_stay_together_but_for_rounding():
+    """The printed initial estimate: f changes alike with both focal points, so nothing but rounding can part them."""
+    points, states = TRUE.sample(64), []
+    for printed in (True, False):
+        state = EllipseFilter(initial_estimate(points, foci_in_centroid=printed), prior_px=15.0, noise_px=1.0)
+        state.take_in(points[:4])
+        apart = np.hypot(*(state.p[:2] - state.p[2:4]))
+        assert apart < 1e-6 if printed else apart > 10
+        state.take_in(points[4:])
+        states.append(state)
+    assert states[0].fitting_error(points) > 5 * states[1].fitting_error(points)
+
+
+def test_grouping_finds_what_has_the_right_size(drawn):
+    def found(low, high):
+        features = group_by_aggregation(drawn, (low, high))
+        return sorted(round(float(f.ellipse.semi_axes[0]) / 10) for f in features)
+
+    assert found(30, 120) == [5, 9]
+    assert found(30, 70) == [5]
+
+
+def test_regions_are_pruned_by_every_attribute_that_was_taught(drawn, plate):
+    features = [n.feature for n in grow_ellipses(drawn, plate.salient[:1], (500, 5000))]
+    (big,) = [f for f in features if 85 < f.ellipse.semi_axes[0] < 95]
+    ranges = {name: AttributeRange(value, value) for name, value in vars(big.attributes).items()}
+    radius_m = plate.salient[0].circle.radius_m
+    scale = big.attributes.perimeter_px / (2 * np.pi * radius_m)
+
+    def kept(**changes):
+        circle = replace(plate.salient[0], attributes=tuple((ranges | changes).items()))
+        return len(grow_ellipses(drawn, [circle], (scale, scale), PruningParameters(smaller=0.5, larger=2, grey=1.5)))
+
+    assert kept() >= 1
+    for name, (factor, least) in {
+        "area_px": (5, 0),
+        "circularity": (5, 0),
+        "shape_complexity": (5, 0),
+        "grey_mean": (3, 0),
+        "grey_deviation": (3, 20),
+    }.items():
+        wrong = max(getattr(big.attributes, name) * factor, least)
+        assert kept(**{name: AttributeRange(wrong, wrong)}) == 0, name
+
+
+def test_what_was_not_taught_prunes_nothing(plate):
+    assert attribute_constraints(plate.salient[0], (500, 5000), PruningParameters()).area_px is None
+
+
+@pytest.mark.parametrize(("name", "salient"), [("previous", "region"), ("paper", "region"), ("paper", "group")])
+def test_plates_are_localised_by_stereo(name, salient, plate, scene, photograph):
+    model = strategy(plate, salient, "region" if salient == "group" else "group")
+    result = PaperLocalizer([model], name).localize(photograph(scene), WORKSPACE)
+    assert len(result.estimates) == 2
+    assert {e.extractor for e in result.estimates} == {"region" if name == "previous" else salient}
+    for truth in scene:
+        off = [np.linalg.norm(e.T_world_part.translation - truth.translation) for e in result.estimates]
+        best = result.estimates[int(np.argmin(off))]
+        assert min(off) < 1e-3
+        assert best.T_world_part.rotation.as_matrix()[:, 2] @ truth.rotation.as_matrix()[:, 2] > np.cos(np.radians(1))
+        assert best.inplane_known
+
+
+def test_an_unknown_preset_is_refused(plate):
+    with pytest.raises(InputError, match="got 'focal'; expected paper or previous"):
+        PaperLocalizer([plate], "focal")
