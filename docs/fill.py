@@ -15,7 +15,7 @@ from pathlib import Path
 
 from benchmark.config import SweepConfig
 from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary
-from benchmark.report.extractors_render import made_good_grids, margin_grids
+from benchmark.report.extractors_text import margin_grids, recovered_grids
 from benchmark.report.grid import (
     NOTHING,
     Grid,
@@ -27,10 +27,10 @@ from benchmark.report.grid import (
     share_text,
 )
 from benchmark.report.rate import Rate
-from benchmark.report.render import coverage_grid
 from benchmark.report.study import Study
 from benchmark.report.study_figures import save_study_figures
-from benchmark.report.study_render import study_as_markdown
+from benchmark.report.study_text import study_as_markdown
+from benchmark.report.table_text import coverage_grid
 from benchmark.report.tables import AccuracyRow, Table
 from docs.records import RECORDS, ROOT, detector_block, keep, studied, swept, timing_block
 from vision.errors import FocalpickError, InputError
@@ -149,7 +149,7 @@ def _of_table1(grids: Callable[[Table], list[Grid]]) -> Callable[[Path], str]:
 BLOCKS = (
     Block("table1", README, "table1", lambda path: table1_block(*swept(path))),
     Block("margins", ACCURACY, "table1", _of_table1(lambda table: margin_grids(table.margins))),
-    Block("made-good", ACCURACY, "table1", _of_table1(lambda table: made_good_grids(table.made_good))),
+    Block("made-good", ACCURACY, "table1", _of_table1(lambda table: recovered_grids(table.recovered))),
     Block("coverage", ACCURACY, "table1", _of_table1(lambda table: [coverage_grid(table)])),
     Block("shopfloor", ACCURACY, "shopfloor", lambda path: sensor_block(*swept(path))),
     Block("calibration", ACCURACY, "calibration", lambda path: study_block(studied(path), "calibration.png")),

@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from vision.errors import InputError
 from vision.features import EllipseFeature, Extractor
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace, depth_range
 from vision.localizer import Localization, checked_models, checked_scene
@@ -58,6 +59,7 @@ class PaperParameters:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class _Hypothesis:
     """A correspondence: a pose (4, 4) but for its turn, and the ellipses (V, K) that it explains."""
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vision.features import EllipseFeature
+from vision.frozen import frozen_arrays
 from vision.geometry.camera import Camera, View
 from vision.model.vision_model import CircleFeature
 
@@ -68,6 +69,7 @@ def window(view: View, T_world_part: Array, diameter_m: float, radii_m: Sequence
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Sighting:
     """A small ellipse where a supporting feature can be.
 
