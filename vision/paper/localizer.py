@@ -11,10 +11,11 @@ from scipy.spatial.transform import RigidTransform
 
 from vision.errors import InputError
 from vision.features import EllipseFeature, Extractor
-from vision.geometry.camera import View
+from vision.geometry.camera import View, camera_arrays
 from vision.geometry.workspace import Workspace, depth_range
 from vision.localizer import Localization, checked_models, checked_scene
 from vision.matching.candidates import find_candidates
+from vision.matching.votes import EllipseTable, count_votes
 from vision.model.vision_model import CircleFeature, SalientCircles, VisionModel
 from vision.paper.edge_grouping import AggregationParameters, group_by_aggregation
 from vision.paper.region_growing import NamedEllipse, PruningParameters, grow_ellipses
@@ -38,6 +39,7 @@ class PaperParameters:
         region: of region growing.
         group: of edge grouping.
         size_slack: by how much the semi-major axis of an ellipse may leave what the workspace allows.
+        slack: factor on the tolerances with which the same circle is looked for in another view.
         most_hypotheses: so many of the best supported correspondences are verified.
         fewest_matches: least number of ellipses, over all views, that a correspondence must explain.
         fewest_supporting: least number of supporting features, over all views, that must verify a hypothesis.
@@ -47,13 +49,14 @@ class PaperParameters:
     region: PruningParameters = field(default_factory=PruningParameters)
     group: AggregationParameters = field(default_factory=AggregationParameters)
     size_slack: float = 0.15
-    most_hypotheses: int = 60
-    fewest_matches: int = 3
+    slack: float = 4.0
+    most_hypotheses: int = 100
+    fewest_matches: int = 2
     fewest_supporting: int = 1
     separation: float = 0.4
 
     def __post_init__(self) -> None:
-        check(self, size_slack=NOT_NEGATIVE, separation=POSITIVE)
+        check(self, size_slack=NOT_NEGATIVE, slack=POSITIVE, separation=POSITIVE)
         check(self, most_hypotheses=count(1), fewest_matches=count(1), fewest_supporting=count())
 
 
@@ -157,14 +160,30 @@ class PaperLocalizer:
         candidates = find_candidates(views, features, model, workspace)
         named = np.array([salient[v][m].circles[k] for v, m, k in candidates.seed], dtype=bool)
         candidates = candidates.take(np.flatnonzero(named)).distinct(model.diameter_m)
-        poses = candidates.poses()
-        for i in range(min(len(candidates), self.parameters.most_hypotheses)):
-            matches = candidates.matches[i].copy()
+        candidates = candidates.take(np.arange(min(len(candidates), self.parameters.most_hypotheses)))
+        circles, table, cameras = SalientCircles.of(model), EllipseTable.of(features), camera_arrays(views)
+        # The reading of one ellipse leaves its tilt and distance unsure: its circle is looked for with much slack in
+        # the other views, and the two ellipses together say where the others have to be.
+        loose = count_votes(candidates.poses(), cameras, circles, table, self.parameters.slack)[1]
+        poses, seeds = [], []
+        for T, (v, m, k), matches in zip(candidates.poses(), candidates.seed, loose, strict=True):
+            same = np.full_like(matches, -1)
+            same[:, k] = [i if i >= 0 and salient[w][i].circles[k] else -1 for w, i in enumerate(matches[:, k])]
+            same[v, k] = m
+            found = pose_by_stereo(T, same, features, views, circles)
+            if found is not None:
+                poses.append(found)
+                seeds.append((v, m))
+        if not poses:
+            return
+        votes, matched = count_votes(np.array(poses), cameras, circles, table)
+        for i in np.argsort(-votes, kind="stable"):
+            matches = matched[i]
             for v, k in zip(*np.nonzero(matches >= 0), strict=True):
                 if not salient[v][matches[v, k]].circles[k]:
                     matches[v, k] = -1
             if np.count_nonzero(matches >= 0) >= self.parameters.fewest_matches:
-                v, m, _ = candidates.seed[i]
+                v, m = seeds[i]
                 yield _Hypothesis(poses[i], matches, features[v][m].extractor)
 
     def _is_apart(self, T: Array, accepted: Sequence[PoseEstimate], model: VisionModel) -> bool:
