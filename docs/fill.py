@@ -14,13 +14,13 @@ from pathlib import Path
 from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE
 from benchmark.records.store import read_config, read_records
 from benchmark.report.circle_errors import study_circles
-from benchmark.report.extractors_render import made_good_grids, margin_grids
+from benchmark.report.extractors_text import margin_grids, recovered_grids
 from benchmark.report.grid import NOTHING, Grid, grids_as_markdown, part_title, plus_minus, rate_text
 from benchmark.report.rate import Rate
-from benchmark.report.render import coverage_grid
 from benchmark.report.study import build_study
 from benchmark.report.study_figures import save_study_figures
-from benchmark.report.study_render import study_as_markdown
+from benchmark.report.study_text import study_as_markdown
+from benchmark.report.table_text import coverage_grid
 from benchmark.report.tables import AccuracyRow, Table, build_table
 from benchmark.study.taught_models import refusals
 from vision.errors import FocalpickError, InputError
@@ -111,7 +111,7 @@ def fill_table1(directory: Path) -> None:
     measured = "Measured (`results/table1`):\n\n{}".format
     _put(README, "table1", table1_block(table, config.scenes, config.pieces, config.sensor))
     _put(ACCURACY, "margins", measured(grids_as_markdown(margin_grids(table.margins), ())))
-    _put(ACCURACY, "made-good", measured(grids_as_markdown(made_good_grids(table.made_good), ())))
+    _put(ACCURACY, "made-good", measured(grids_as_markdown(recovered_grids(table.recovered), ())))
     _put(ACCURACY, "coverage", measured(grids_as_markdown([coverage_grid(table)], ())))
 
 

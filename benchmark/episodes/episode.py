@@ -19,11 +19,11 @@ from benchmark.episodes.cells import CellPool, Viewpoints, workspace
 from benchmark.episodes.evaluation import TruePiece, Verdict, judge
 from benchmark.episodes.picking import Picker, PickOutcome
 from benchmark.localizers.oracle import Truth
-from benchmark.localizers.registry import make_localizer, with_answers_alone
+from benchmark.localizers.registry import make_localizer, with_single_extractor_answers
 from benchmark.models import load_model
 from benchmark.records.environment import environment_stamp
 from benchmark.records.episode_record import EpisodeRecord, PickRecord
-from benchmark.study.taught_models import Untaught, taught_models
+from benchmark.study.taught_models import NothingTaught, taught_models
 from benchmark.world import gl
 from benchmark.world.cell import WorkCell
 from benchmark.world.drop import DropResult, OnStep
@@ -120,7 +120,7 @@ def run_episode(
         )
         with watch.stage("vision"):
             localization = localizer.localize(sight.views, workspace(cell.config))
-        localization = with_answers_alone(localizer, localization, sight.views, workspace(cell.config))
+        localization = with_single_extractor_answers(localizer, localization, sight.views, workspace(cell.config))
         verdict = judge(localization, localizer.name, pieces, sight.true_views, config.models)
         observer.localized(localization, verdict)
         picks: tuple[PickRecord, ...] = ()
@@ -158,7 +158,7 @@ def _localizer(config: EpisodeConfig, study: Path | None, truth: Truth, calibrat
         raise InputError(f"models of variant {config.variant.name}", got="none", expected=expected)
     models = taught_models(study, config.variant, config.parts)
     if not models:
-        return Untaught(config.localizer)
+        return NothingTaught(config.localizer)
     return make_localizer(config.localizer, models, truth, calibration)
 
 

@@ -63,7 +63,7 @@ def user_file(name: str) -> Path | None:
     return source_file(module)
 
 
-def with_answers_alone(
+def with_single_extractor_answers(
     localizer: Localizer, localization: Localization, views: Sequence[View], workspace: Workspace
 ) -> Localization:
     """The localization with what each extractor would have said alone, for localizers that have several."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE
 from benchmark.records.episode_record import EpisodeRecord
 from benchmark.report.published import TITLES
-from benchmark.report.render import EXTRACTOR_TITLES
+from benchmark.report.table_text import EXTRACTOR_TITLES
 from benchmark.report.tables import STAGES, Table, table1_order
 from vision.errors import InputError
 

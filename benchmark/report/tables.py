@@ -13,10 +13,10 @@ from dataclasses import asdict, dataclass
 from benchmark.config import SweepConfig, episodes
 from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary, is_inside_ellipsoid, summarise
 from benchmark.records.episode_record import EpisodeRecord, PieceRecord, PoseErrors
-from benchmark.report.made_good import MadeGood, made_good
 from benchmark.report.margins import Margin, paired_margin
 from benchmark.report.published import FIGURE_10, TABLE_1, PublishedErrors, paper_order
 from benchmark.report.rate import Rate
+from benchmark.report.recovered import Recovered, recovered
 
 EXTRACTORS = ("focal-region", "focal-group")
 METHODS = ("focal-region", "focal-group", "focal")
@@ -107,7 +107,7 @@ class Table:
         accuracy: for each part, method and visibility level.
         success: for each part, method, stage and visibility level.
         margins: of focal over region growing alone in matching, for each part and visibility level.
-        made_good: what focal matched of what one extractor lost, for each part and visibility level.
+        recovered: what focal matched of what one extractor lost, for each part and visibility level.
         picks: success rate of attempted picks by part.
         counts: by part.
     """
@@ -119,7 +119,7 @@ class Table:
     accuracy: tuple[AccuracyRow, ...]
     success: tuple[SuccessRow, ...]
     margins: tuple[Margin, ...]
-    made_good: tuple[MadeGood, ...]
+    recovered: tuple[Recovered, ...]
     picks: dict[str, Rate]
     counts: tuple[PartCount, ...]
 
@@ -180,7 +180,7 @@ def build_table(config: SweepConfig, records: Sequence[EpisodeRecord], levels: S
         accuracy=tuple(_accuracy(pieces, *cell) for cell in cells),
         success=tuple(_success(pieces, *cell, stage) for stage in STAGES for cell in cells),
         margins=tuple(paired_margin(finished, part, COMPARED, level) for level in levels for part in parts),
-        made_good=tuple(made_good(finished, part, level) for level in levels for part in parts),
+        recovered=tuple(recovered(finished, part, level) for level in levels for part in parts),
         picks={part: _picks(finished, part) for part in parts},
         counts=tuple(_count(finished, part) for part in parts),
     )
@@ -192,7 +192,7 @@ def to_dict(table: Table) -> dict[str, object]:
         "table1": [{"process": row.method, **_flat(row)} for row in table.table1],
         "fig10": [_flat_success(row) for row in table.success],
         "margins": [{**asdict(margin), "excludes_zero": margin.excludes_zero} for margin in table.margins],
-        "made_good": [asdict(row) for row in table.made_good],
+        "recovered": [asdict(row) for row in table.recovered],
         "picks": [{"part": part, **asdict(rate)} for part, rate in table.picks.items()],
         "accuracy": [_flat(row) for row in table.accuracy],
         "counts": [asdict(count) for count in table.counts],

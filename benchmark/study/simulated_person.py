@@ -106,7 +106,7 @@ class _Person:
         self._do(ev.DescribePart(part.name, part.diameter_m, part.symmetry.fold))
         shown = {rim: _views_that_show(rim, self._views, self._studio) for rim in part.rims}
         shown = {rim: seen for rim, seen in shown.items() if len(seen) >= 2}
-        for rim in _told_apart(shown, self._views, self._edges):
+        for rim in _clearest(shown, self._views, self._edges):
             self._mark(rim, shown[rim])
             self._make_consistent(rim.name)
         for grasp in part.grasps:
@@ -165,8 +165,8 @@ def _views_that_show(rim: Rim, views: Sequence[View], studio: Studio) -> dict[in
     return shown
 
 
-def _told_apart(shown: dict[Rim, dict[int, Array]], views: Sequence[View], edges: Sequence[EdgeField]) -> list[Rim]:
-    """Of rims that nearly coincide in the pictures, such as the two of a chamfer, the one with the clearest edge."""
+def _clearest(shown: dict[Rim, dict[int, Array]], views: Sequence[View], edges: Sequence[EdgeField]) -> list[Rim]:
+    """Keeps the rim with the clearest edge of those that nearly coincide in the pictures, such as a chamfer's two."""
     strength = {rim: _edge_strength(rim, shown[rim], views, edges) for rim in shown}
     kept: list[Rim] = []
     for rim in sorted(shown, key=lambda r: -strength[r]):

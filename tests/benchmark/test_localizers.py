@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 import benchmark.localizers.registry
 from benchmark.config import EpisodeConfig
-from benchmark.localizers.registry import make_localizer, with_answers_alone
+from benchmark.localizers.registry import make_localizer, with_single_extractor_answers
 from benchmark.models import load_model
 from vision.errors import InputError
 from vision.localizer import EllipseLocalizer, Localization
@@ -120,7 +120,7 @@ def test_entry_point_is_found_by_name(offered):
 def test_the_papers_system_from_a_users_factory_is_asked_what_each_extractor_alone_says(mine):
     mine.make = EllipseLocalizer
     localizer = make_localizer("mine:make", [load_model("cover1")], no_truth)
-    assert set(with_answers_alone(localizer, Localization(()), [], None).by_extractor) == {
+    assert set(with_single_extractor_answers(localizer, Localization(()), [], None).by_extractor) == {
         "focal-region",
         "focal-group",
     }

@@ -17,7 +17,7 @@ from benchmark.records.store import RecordWriter
 from benchmark.report.circle_errors import CircleErrors
 from benchmark.report.study import Crossing, Study, build_study, last_within, study_to_dict
 from benchmark.report.study_figures import save_study_figures
-from benchmark.report.study_render import print_study, study_as_markdown
+from benchmark.report.study_text import print_study, study_as_markdown
 
 CALIBRATION = SweepConfig(
     ("hub", "cover2"), scenes=2, task="none", variants=tuple(Variant(hand_eye_mm=e) for e in (0, 1, 2))

@@ -20,7 +20,7 @@ from benchmark.records.episode_record import (
     PoseErrors,
 )
 from benchmark.report.figures import save_figures
-from benchmark.report.render import as_markdown, print_table
+from benchmark.report.table_text import as_markdown, print_table
 from benchmark.report.tables import build_table, to_dict
 from vision.errors import InputError
 
@@ -117,7 +117,7 @@ def test_what_one_extractor_lost_and_focal_matched_is_counted() -> None:
     pieces = tuple(piece(i, 0.9, region=r, group=g, focal=d) for i, (r, g, d) in enumerate(trios))
     unjudged = (piece(8, 0.9, region=lost, focal=hit), piece(9, 0.9, in_bin=False, region=lost, group=hit, focal=hit))
     table = build_table(CONFIG, [record(pieces=pieces + unjudged)])
-    (row,) = (r for r in to_dict(table)["made_good"] if (r["part"], r["min_visibility"]) == ("hub", 0.5))
+    (row,) = (r for r in to_dict(table)["recovered"] if (r["part"], r["min_visibility"]) == ("hub", 0.5))
     counts = {name: (r["successes"], r["n"]) for name, r in {**row["extraction"], **row["matching"]}.items()}
     assert counts == {
         "both": (1, 2),

@@ -12,7 +12,7 @@ from benchmark.episodes.episode import run_episode
 from benchmark.episodes.sweep import run_sweep
 from benchmark.models import load_model
 from benchmark.records.episode_record import strip_timings
-from benchmark.study.taught_models import Untaught, model_path, refusals, taught_models, teach_variants
+from benchmark.study.taught_models import NothingTaught, model_path, refusals, taught_models, teach_variants
 from vision.errors import InputError
 from vision.localizer import Localizer
 from vision.model.model_file import model_to_json
@@ -63,7 +63,7 @@ def test_models_that_were_never_taught_are_an_error(tmp_path):
 
 
 def test_untaught_is_a_localizer_that_finds_nothing():
-    localizer = Untaught("focal")
+    localizer = NothingTaught("focal")
     assert isinstance(localizer, Localizer)
     assert localizer.localize([]).estimates == ()
 

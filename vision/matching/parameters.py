@@ -21,8 +21,8 @@ class ConfirmationParameters:
         claim_support: support of a sample from which a part that was found claims its edge.
         claimed_share: share of an arc's points on claimed edges, from which the arc counts as claimed.
         chance_support: what random edges give.
-        least_shown: a smaller share of the circles that face a view must speak for more than itself,
-        demand: by so much support for each share that is lacking.
+        least_shown: share of the circles that face a view; a pose that shows less of them needs extra support,
+        demand: so much of it for each share that is lacking.
         inplane_step_px: how finely the turn about the axis is looked for.
         rival_px: how far from the best turn another one is a rival.
         rival_support: by how much less than the best a rival is supported where it is no worse.

@@ -13,6 +13,7 @@ from vision.features import EllipseFeature
 from vision.frozen import read_only
 from vision.geometry.camera import CameraArrays
 from vision.geometry.ellipse import geometric_parameters
+from vision.geometry.focal_form import conic_to_geometric
 from vision.model.vision_model import SalientCircles
 from vision.pose.observations import POINTS_PER_ELLIPSE
 
@@ -86,20 +87,10 @@ def predict_circle(T, intrinsics, height, side, radius, out):
     d = (-nc * (nx * pz + nz * px) + q * nx * nz) / fx
     e = (-nc * (ny * pz + nz * py) + q * ny * nz) / fy
     f = s - 2 * nc * nz * pz + q * nz * nz
-    determinant = a * c - b * b
-    if determinant <= 0:
+    if not conic_to_geometric(a, b, c, d, e, f, out):
         return False
-    x, y = (b * e - c * d) / determinant, (b * d - a * e) / determinant
-    value = -(d * x + e * y + f)
-    mean, spread = 0.5 * (a + c), np.sqrt((0.5 * (a - c)) ** 2 + b * b)
-    if mean < 0:  # the sign of the conic is free
-        mean, value = -mean, -value
-        a, b, c = -a, -b, -c
-    if value <= 0 or mean <= spread:
-        return False
-    out[0], out[1] = x + intrinsics[2], y + intrinsics[3]
-    out[2], out[3] = np.sqrt(value / (mean - spread)), np.sqrt(value / (mean + spread))
-    out[4] = (0.5 * np.arctan2(2 * b, a - c) + 0.5 * np.pi) % np.pi
+    out[0] += intrinsics[2]
+    out[1] += intrinsics[3]
     return True
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.features import EllipseFeature
+from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Ellipse
 from vision.model.vision_model import CircleFeature
 from vision.regions.attributes import AttributeConstraints
@@ -49,6 +50,7 @@ class PruningParameters:
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class NamedEllipse:
     """An ellipse, and which circles of the model it can be by its attributes.
 

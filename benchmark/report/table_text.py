@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from benchmark.episodes.metrics import BARELY_VISIBLE, ELLIPSOID_SHARE
-from benchmark.report.extractors_render import made_good_grids, margin_grids
+from benchmark.report.extractors_text import margin_grids, recovered_grids
 from benchmark.report.grid import (
     NOTHING,
     Grid,
@@ -31,7 +31,7 @@ STAGE_TITLES = {
 def grids(table: Table) -> list[Grid]:
     """The grids that are shown, first what the paper gives, last what was counted apart."""
     shown = [_table1(table), *_joint(table), coverage_grid(table), *(_fig10(table, stage) for stage in STAGES)]
-    shown += [*margin_grids(table.margins), *made_good_grids(table.made_good)]
+    shown += [*margin_grids(table.margins), *recovered_grids(table.recovered)]
     if any(rate.n for rate in table.picks.values()):
         shown.append(_picks(table))
     return [*shown, _counts(table)]

@@ -1,4 +1,4 @@
-"""The loss of a salient feature in one extractor is made good by the other: the paper's claim, counted by pieces."""
+"""How often one extractor recovers a salient feature that the other lost: the paper's claim, counted by pieces."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Trio = tuple[LocalizerResult, LocalizerResult, LocalizerResult]
 
 
 @dataclass(frozen=True)
-class MadeGood:
+class Recovered:
     """How many pieces the focal localizer matched, by what each of its two extractors had of them.
 
     Attributes:
@@ -30,7 +30,7 @@ class MadeGood:
     matching: dict[str, Rate]
 
 
-def made_good(records: Sequence[EpisodeRecord], part: str, min_visibility: float) -> MadeGood:
+def recovered(records: Sequence[EpisodeRecord], part: str, min_visibility: float) -> Recovered:
     """Count over the pieces that focal and both of its extractors alone were judged on.
 
     Args:
@@ -39,7 +39,7 @@ def made_good(records: Sequence[EpisodeRecord], part: str, min_visibility: float
         min_visibility: pieces less visible are left out, and so are those that bounced out of the bin.
     """
     judged = [trio for record in records for trio in _trios(record, part, min_visibility)]
-    return MadeGood(
+    return Recovered(
         part,
         min_visibility,
         extraction={

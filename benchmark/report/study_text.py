@@ -18,8 +18,8 @@ from benchmark.report.grid import (
     print_grids,
     rate_text,
 )
-from benchmark.report.render import EXTRACTOR_TITLES, remarks
 from benchmark.report.study import CalibrationLimit, Crossing, CurvePoint, Study
+from benchmark.report.table_text import EXTRACTOR_TITLES, remarks
 
 TextOf = Callable[[Study, str, Variant], str]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from benchmark.report.grid import NOTHING, Grid, last_of_each, part_title
-from benchmark.report.made_good import MadeGood
 from benchmark.report.margins import Margin
 from benchmark.report.rate import Rate
+from benchmark.report.recovered import Recovered
 
 
 def margin_grids(margins: Sequence[Margin]) -> list[Grid]:
@@ -62,7 +62,7 @@ def _margin_cells(margin: Margin) -> tuple[str, str]:
     return text, "yes" if margin.excludes_zero else "no"
 
 
-def made_good_grids(rows: Sequence[MadeGood]) -> list[Grid]:
+def recovered_grids(rows: Sequence[Recovered]) -> list[Grid]:
     """How often both extractors matched what one of them lost; nothing where they did not run."""
     if not any(rate.n for row in rows for rate in (*row.extraction.values(), *row.matching.values())):
         return []
