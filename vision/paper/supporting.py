@@ -44,7 +44,7 @@ def window(view: View, T_world_part: Array, diameter_m: float, radii_m: Sequence
     if depth <= 0:
         return None
     camera, px_per_m = view.camera, view.camera.fx / depth
-    scale = float(np.clip(np.ceil(2 * LEAST_RADIUS_PX / (px_per_m * min(radii_m))) / 2, 1, LARGEST_SCALE))
+    scale = float(np.clip(np.ceil(LEAST_RADIUS_PX / (px_per_m * min(radii_m))), 1, LARGEST_SCALE))
     half = WINDOW * diameter_m * px_per_m
     x, y = view.project(centre)[0]
     left, top = max(0, int(x - half)), max(0, int(y - half))
