@@ -7,12 +7,13 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from filterpy.kalman import ExtendedKalmanFilter
 
 from vision.errors import InputError
 from vision.features import EllipseFeature
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
-from vision.geometry.ellipse import Ellipse
+from vision.geometry.ellipse import Ellipse, focal_jacobian, focal_residual
 from vision.geometry.workspace import Workspace
 from vision.model.vision_model import AttributeRange
 from vision.paper.edge_grouping import AggregationParameters, group_by_aggregation
@@ -196,3 +197,22 @@ def test_what_has_no_supporting_feature_is_no_plate(plate, scene, photograph):
 def test_an_unknown_preset_is_refused(plate):
     with pytest.raises(InputError, match="got 'focal'; expected paper or previous"):
         PaperLocalizer([plate], "focal")
+
+
+def test_the_update_is_that_of_filterpy():
+    points = TRUE.sample(40) + np.random.default_rng(10_001).normal(scale=0.3, size=(40, 2))
+    start = initial_estimate(points)
+    ours = EllipseFilter(start, prior_px=12.0, noise_px=1.5)
+    theirs = ExtendedKalmanFilter(dim_x=5, dim_z=1)
+    theirs.x, theirs.P, theirs.R = start[:, None].copy(), np.eye(5) * 144, np.eye(1) * 2.25
+    for point in points:
+        ours.take_in(point[None])
+        theirs.update(
+            np.zeros((1, 1)),
+            lambda x, z: focal_jacobian(x[:, 0], z[None]),
+            lambda x, z: focal_residual(x[:, 0], z[None])[:, None],
+            args=(point,),
+            hx_args=(point,),
+        )
+    assert ours.p == pytest.approx(theirs.x[:, 0], rel=1e-9)
+    assert ours.covariance == pytest.approx(theirs.P, rel=1e-6, abs=1e-9)

@@ -35,7 +35,7 @@ FACING_COSINE = 0.12
 
 
 def count_votes(
-    poses: Array, cameras: CameraArrays, circles: SalientCircles, table: EllipseTable
+    poses: Array, cameras: CameraArrays, circles: SalientCircles, table: EllipseTable, slack: float = 1.0
 ) -> tuple[Array, Indices]:
     """Votes (N,) and matches (N, V, K) of poses (N, 4, 4).
 
@@ -47,13 +47,14 @@ def count_votes(
         cameras: of the views.
         circles: the salient circles.
         table: the ellipses.
+        slack: factor on the tolerances.
 
     Returns:
         The votes, and for every view and circle the number of the matched ellipse within its view, -1 for none.
     """
     n, views, k = len(poses), len(cameras.intrinsics), len(circles.radius)
     votes, matches = np.zeros(n), np.full((n, views, k), -1, np.intp)
-    _tally_votes(poses, cameras, circles, table, votes, matches)
+    _tally_votes(poses, cameras, circles, table, float(slack), votes, matches)
     return votes, matches
 
 
@@ -94,7 +95,7 @@ def predict_circle(T, intrinsics, height, side, radius, out):
 
 
 @njit(cache=True)
-def _tally_votes(poses, cameras, circles, table, votes, matches):
+def _tally_votes(poses, cameras, circles, table, slack, votes, matches):
     T_camera_world, intrinsics = cameras.T_camera_world, cameras.intrinsics
     height, side, radius = circles.height, circles.side, circles.radius
     first, geometric, support = table.first, table.geometric, table.support
@@ -110,14 +111,13 @@ def _tally_votes(poses, cameras, circles, table, votes, matches):
                 best = 0.0
                 for m in range(first[v], first[v + 1]):
                     seen = geometric[m]
-                    cost = np.hypot(predicted[0] - seen[0], predicted[1] - seen[1]) / (
-                        CENTRE_TOLERANCE.px + CENTRE_TOLERANCE.share * scale
-                    )
+                    apart = np.hypot(predicted[0] - seen[0], predicted[1] - seen[1])
+                    cost = apart / (CENTRE_TOLERANCE.px + CENTRE_TOLERANCE.share * scale) / slack
                     if cost >= 1:
                         continue
                     major = abs(scale - seen[2]) / (MAJOR_TOLERANCE.px + MAJOR_TOLERANCE.share * scale)
                     minor = abs(predicted[3] - seen[3]) / (MINOR_TOLERANCE.px + MINOR_TOLERANCE.share * scale)
-                    cost = max(cost, major, minor)
+                    cost = max(cost, major / slack, minor / slack)
                     gain = support[m] * (1 - 0.5 * cost) if cost < 1 else 0.0
                     if gain > best:
                         best = gain

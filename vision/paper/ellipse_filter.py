@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
+from numba import njit
 from numpy.typing import NDArray
 
-from vision.geometry.ellipse import focal_jacobian, focal_residual
+from vision.geometry.ellipse import focal_residual
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,8 @@ def initial_estimate(points: Array, *, foci_in_centroid: bool = False) -> Array:
 class EllipseFilter:
     """The filter's state: p of eq. (3) and its covariance.
 
-    Every boundary point z measures f(p, z) = 0. f changes by up to 2 px where z moves by one across the ellipse.
+    Every boundary point z measures f(p, z) = 0. f changes by up to 2 px where z moves by one across the ellipse. The
+    update is that of filterpy's ``ExtendedKalmanFilter``, compiled.
     """
 
     def __init__(self, initial: Array, prior_px: float, noise_px: float) -> None:
@@ -45,40 +46,49 @@ class EllipseFilter:
             prior_px: standard deviation of each of its components.
             noise_px: standard deviation of the measured f.
         """
-        self._ekf = ExtendedKalmanFilter(dim_x=5, dim_z=1)
-        self._ekf.x = np.array(initial, dtype=float)[:, None]
-        self._ekf.P *= prior_px**2
-        self._ekf.R *= noise_px**2
+        self._p = np.array(initial, dtype=np.float64)
+        self._covariance = np.eye(5) * prior_px**2
+        self._variance = float(noise_px) ** 2
 
     @property
     def p(self) -> Array:
         """The estimate (5,)."""
-        return np.asarray(self._ekf.x[:, 0])
+        return self._p.copy()
 
     @property
     def covariance(self) -> Array:
         """Of the estimate, (5, 5) in px²."""
-        return np.asarray(0.5 * (self._ekf.P + self._ekf.P.T))
+        return 0.5 * (self._covariance + self._covariance.T)
 
     @property
     def is_ellipse(self) -> bool:
         """Whether s exceeds the distance of the focal points."""
-        p = self.p
+        p = self._p
         return bool(np.isfinite(p).all() and p[4] > np.hypot(*(p[:2] - p[2:4])))
 
     def take_in(self, points: Array) -> None:
         """Update the estimate with points (N, 2), one after the other."""
-        for point in points:
-            self._ekf.update(np.zeros((1, 1)), _jacobian, _residual, args=(point,), hx_args=(point,))
+        _update(self._p, self._covariance, self._variance, np.ascontiguousarray(points, dtype=np.float64))
 
     def fitting_error(self, points: Array) -> float:
         """The mean of |f| over points (N, 2)."""
-        return float(np.abs(focal_residual(self.p, points)).mean())
+        return float(np.abs(focal_residual(self._p, points)).mean())
 
 
-def _jacobian(x: Array, point: Array) -> Array:
-    return focal_jacobian(x[:, 0], point[None])
-
-
-def _residual(x: Array, point: Array) -> Array:
-    return focal_residual(x[:, 0], point[None])[:, None]
+@njit(cache=True)
+def _update(p, covariance, variance, points):
+    """The extended Kalman update for every point in turn, in Joseph's form; p (5,) and covariance (5, 5) change."""
+    H = np.empty(5)
+    for i in range(len(points)):
+        residual = -p[4]
+        for focus in range(0, 4, 2):
+            dx, dy = p[focus] - points[i, 0], p[focus + 1] - points[i, 1]
+            length = max(np.hypot(dx, dy), 1e-12)
+            H[focus], H[focus + 1] = dx / length, dy / length
+            residual += length
+        H[4] = -1.0
+        gain = covariance @ H
+        gain /= H @ gain + variance
+        p -= gain * residual
+        kept = np.eye(5) - np.outer(gain, H)
+        covariance[:] = kept @ covariance @ kept.T + variance * np.outer(gain, gain)

@@ -2,70 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import RigidTransform
 
 from vision.errors import InputError
-from vision.features import EllipseFeature, Extractor
-from vision.frozen import frozen_arrays
+from vision.features import EllipseFeature
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace, depth_range
 from vision.localizer import Localization, checked_models, checked_scene
-from vision.matching.candidates import find_candidates
+from vision.matching.votes import FACING_COSINE
 from vision.model.vision_model import CircleFeature, SalientCircles, VisionModel
-from vision.paper.edge_grouping import AggregationParameters, group_by_aggregation
-from vision.paper.region_growing import NamedEllipse, PruningParameters, grow_ellipses
+from vision.paper.correspondence import Correspondence, correspondences
+from vision.paper.edge_grouping import group_by_aggregation
+from vision.paper.parameters import PaperParameters
+from vision.paper.region_growing import NamedEllipse, grow_ellipses
 from vision.paper.stereo_covariance import stereo_covariance
-from vision.paper.supporting import Sighting, best_turn, sightings, turned, window
+from vision.paper.supporting import SecondLook, Sighting, best_turn, turned
 from vision.pose.estimate import PoseEstimate
-from vision.pose.stereo import pose_by_stereo
-from vision.settings import NOT_NEGATIVE, POSITIVE, check, count
 
 Array = NDArray[np.float64]
-Matches = NDArray[np.intp]
 PAPER_PRESETS = ("paper", "previous")
 UNKNOWN_DEPTH_M = (0.05, 20.0)  # without a workspace
-
-
-@dataclass(frozen=True)
-class PaperParameters:
-    """Settings of the paper's system.
-
-    Attributes:
-        region: of region growing.
-        group: of edge grouping.
-        size_slack: by how much the semi-major axis of an ellipse may leave what the workspace allows.
-        most_hypotheses: so many of the best supported correspondences are verified.
-        fewest_matches: least number of ellipses, over all views, that a correspondence must explain.
-        fewest_supporting: least number of supporting features, over all views, that must verify a hypothesis.
-        separation: parts found nearer to each other than this share of their diameter are one.
-    """
-
-    region: PruningParameters = field(default_factory=PruningParameters)
-    group: AggregationParameters = field(default_factory=AggregationParameters)
-    size_slack: float = 0.15
-    most_hypotheses: int = 60
-    fewest_matches: int = 3
-    fewest_supporting: int = 1
-    separation: float = 0.4
-
-    def __post_init__(self) -> None:
-        check(self, size_slack=NOT_NEGATIVE, separation=POSITIVE)
-        check(self, most_hypotheses=count(1), fewest_matches=count(1), fewest_supporting=count())
-
-
-@dataclass(frozen=True, eq=False)
-@frozen_arrays
-class _Hypothesis:
-    """A correspondence: a pose (4, 4) but for its turn, and the ellipses (V, K) that it explains."""
-
-    T_world_part: Array
-    matches: Matches
-    extractor: Extractor
 
 
 class PaperLocalizer:
@@ -133,57 +95,30 @@ class PaperLocalizer:
         model: VisionModel,
         workspace: Workspace | None,
     ) -> list[PoseEstimate]:
-        """Section 6: correspondences of salient features, verified by supporting ones; best first, one a place."""
+        """Section 6: correspondences of salient features, verified by supporting ones; best first."""
         features = [[n.feature for n in named] for named in salient]
-        circles = SalientCircles.of(model)
+        look = SecondLook(
+            views, model, lambda view: [n.feature for n in self._extract(view, model.supporting, workspace)]
+        )
+        verified = []
+        for found in correspondences(views, salient, model, workspace, self.parameters):
+            turn, seen = best_turn(look.sightings(found.T_world_part), model.supporting, model.symmetry_fold)
+            if len(seen) >= self.parameters.fewest_supporting or not model.supporting:
+                T = turned(found.T_world_part, turn)
+                verified.append((_score(T, found, seen, views, model), T, found, seen))
         accepted: list[PoseEstimate] = []
-        for hypothesis in self._hypotheses(views, salient, model, workspace):
-            T = pose_by_stereo(hypothesis.T_world_part, hypothesis.matches, features, views, circles)
-            if T is None or not self._is_apart(T, accepted, model):
-                continue
-            turn, seen = best_turn(self._sightings(T, views, model, workspace), model.supporting, model.symmetry_fold)
-            if len(seen) < self.parameters.fewest_supporting:
-                continue
-            accepted.append(_estimate(turned(T, turn), hypothesis, seen, features, views, model))
+        explained: set[tuple[int, int]] = set()
+        for score, T, found, seen in sorted(verified, key=lambda v: -v[0]):
+            ellipses = found.ellipses()
+            shared = len(ellipses & explained) > self.parameters.shared * len(ellipses)
+            if not shared and self._is_apart(T, accepted, model):
+                explained |= ellipses
+                accepted.append(_estimate(T, found, seen, score, features, views, model))
         return accepted
-
-    def _hypotheses(
-        self,
-        views: Sequence[View],
-        salient: Sequence[Sequence[NamedEllipse]],
-        model: VisionModel,
-        workspace: Workspace | None,
-    ) -> Iterator[_Hypothesis]:
-        """The first phase: ellipses of all views that one pose explains, by their attributes; best first."""
-        features = [[n.feature for n in named] for named in salient]
-        candidates = find_candidates(views, features, model, workspace)
-        named = np.array([salient[v][m].circles[k] for v, m, k in candidates.seed], dtype=bool)
-        candidates = candidates.take(np.flatnonzero(named)).distinct(model.diameter_m)
-        poses = candidates.poses()
-        for i in range(min(len(candidates), self.parameters.most_hypotheses)):
-            matches = candidates.matches[i].copy()
-            for v, k in zip(*np.nonzero(matches >= 0), strict=True):
-                if not salient[v][matches[v, k]].circles[k]:
-                    matches[v, k] = -1
-            if np.count_nonzero(matches >= 0) >= self.parameters.fewest_matches:
-                v, m, _ = candidates.seed[i]
-                yield _Hypothesis(poses[i], matches, features[v][m].extractor)
 
     def _is_apart(self, T: Array, accepted: Sequence[PoseEstimate], model: VisionModel) -> bool:
         least_m = self.parameters.separation * model.diameter_m
         return all(np.linalg.norm(T[:3, 3] - e.T_world_part.translation) > least_m for e in accepted)
-
-    def _sightings(
-        self, T: Array, views: Sequence[View], model: VisionModel, workspace: Workspace | None
-    ) -> list[Sighting]:
-        """The second phase: the extractor taught for the supporting features looks for them around a prediction."""
-        if not model.supporting:
-            return []
-        radii_m = [c.circle.radius_m for c in model.supporting]
-        windows = [window(view, T, model.diameter_m, radii_m) for view in views]
-        seen = [w for w in windows if w is not None]
-        found = [[n.feature for n in self._extract(w, model.supporting, workspace)] for w in seen]
-        return sightings(T, found, seen, model.supporting)
 
 
 def _scattered(values: NDArray[np.bool_], places: Sequence[int], length: int) -> NDArray[np.bool_]:
@@ -192,30 +127,41 @@ def _scattered(values: NDArray[np.bool_], places: Sequence[int], length: int) ->
     return out
 
 
+def _score(
+    T: Array, found: Correspondence, seen: Sequence[Sighting], views: Sequence[View], model: VisionModel
+) -> float:
+    """The share of the features in sight that were found, over all views; a copy of many counts for its share."""
+    pose = RigidTransform.from_matrix(T)
+    eyes = np.array([view.T_world_camera.translation for view in views])
+    shown = 0
+    for feature in model.features:
+        circle = feature.circle.moved(pose)
+        towards = eyes - circle.centre
+        shown += int((towards @ circle.normal > FACING_COSINE * np.linalg.norm(towards, axis=1)).sum())
+    counts = Counter((s.feature, s.view) for s in seen)
+    supporting = sum(min(n / model.supporting[k].copies, 1.0) for (k, _), n in counts.items())
+    return float(min(1.0, (np.count_nonzero(found.matches >= 0) + supporting) / max(shown, 1)))
+
+
 def _estimate(
     T: Array,
-    hypothesis: _Hypothesis,
+    found: Correspondence,
     seen: Sequence[Sighting],
+    score: float,
     features: Sequence[Sequence[EllipseFeature]],
     views: Sequence[View],
     model: VisionModel,
 ) -> PoseEstimate:
-    """Section 7: the pose, with the share of the features in sight that were found as its score."""
-    eyes = np.array([view.T_world_camera.translation for view in views])
-    facing = sum(
-        int(np.count_nonzero((eyes - c.centre) @ c.normal > 0))
-        for feature in model.features
-        for c in (circle.moved(RigidTransform.from_matrix(T)) for circle in feature.circles())
-    )
-    matched = hypothesis.matches >= 0
-    covariance, residual_px = stereo_covariance(T, hypothesis.matches, features, views, SalientCircles.of(model))
+    """Section 7: the pose with its covariance; the extractor is that of most of its ellipses."""
+    covariance, residual_px = stereo_covariance(T, found.matches, features, views, SalientCircles.of(model))
+    extractors = Counter(features[v][m].extractor for v, m in sorted(found.ellipses()))
     return PoseEstimate(
         part=model.part,
         T_world_part=RigidTransform.from_matrix(T),
         covariance=covariance,
-        score=min(1.0, (np.count_nonzero(matched) + len(seen)) / max(facing, 1)),
-        extractor=hypothesis.extractor,
+        score=score,
+        extractor=extractors.most_common(1)[0][0],
         residual_px=residual_px,
-        views=int(np.count_nonzero(matched.any(axis=1))),
+        views=int(np.count_nonzero((found.matches >= 0).any(axis=1))),
         inplane_known=bool(seen),
     )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from vision.features import EllipseFeature
 from vision.frozen import frozen_arrays
 from vision.geometry.camera import Camera, View
-from vision.model.vision_model import CircleFeature
+from vision.model.vision_model import CircleFeature, VisionModel
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,10 @@ STEPS = 720
 
 LEAST_RADIUS_PX = 12.0
 LARGEST_SCALE = 4.0
-WINDOW = 0.6  # half the side of the window over the part's diameter
+WINDOW = 0.7  # half the side of the window over the part's diameter
+MOST_OF_PICTURE = 0.4  # a window that is more of the picture is the picture: others can share it
+SAME_SCALE = 0.2  # of the logarithm of the depth
+NEAR = 0.15  # of the part's diameter: a prediction so near another one is looked for in the same windows
 
 
 def window(view: View, T_world_part: Array, diameter_m: float, radii_m: Sequence[float]) -> View | None:
@@ -48,6 +51,8 @@ def window(view: View, T_world_part: Array, diameter_m: float, radii_m: Sequence
     right, bottom = min(camera.width_px, int(x + half) + 1), min(camera.height_px, int(y + half) + 1)
     if right - left < 8 or bottom - top < 8:
         return None
+    if (right - left) * (bottom - top) > MOST_OF_PICTURE * camera.width_px * camera.height_px:
+        left, top, right, bottom = 0, 0, camera.width_px, camera.height_px
     picture = cv2.resize(
         np.ascontiguousarray(view.gray[top:bottom, left:right]),
         None,
@@ -145,6 +150,54 @@ def best_turn(
     agree = np.abs(residual) < 2 * KERNEL_RAD
     turn = float(best[0] + residual[agree].mean()) if agree.any() else float(best[0])
     return turn, [s for s, yes in zip(seen, agree, strict=True) if yes]
+
+
+class SecondLook:
+    """Looks for the supporting features around predictions; those that lie near each other share their windows."""
+
+    def __init__(
+        self, views: Sequence[View], model: VisionModel, extract: Callable[[View], Sequence[EllipseFeature]]
+    ) -> None:
+        """Prepare.
+
+        Args:
+            views: with distortion-free lenses.
+            model: with the supporting features.
+            extract: runs the extractor that was taught for them.
+        """
+        self._views, self._model, self._extract = views, model, extract
+        self._looked: list[list[tuple[Array, View, Sequence[EllipseFeature]]]] = [[] for _ in views]
+
+    def sightings(self, T_world_part: Array) -> list[Sighting]:
+        """The ellipses that can be supporting features of a part at this pose (4, 4), up to its turn."""
+        if not self._model.supporting:
+            return []
+        numbers, windows, found = [], [], []
+        for v in range(len(self._views)):
+            looked = self._window(v, T_world_part)
+            if looked is not None:
+                numbers.append(v)
+                windows.append(looked[0])
+                found.append(looked[1])
+        seen = sightings(T_world_part, found, windows, self._model.supporting)
+        return [replace(s, view=numbers[s.view]) for s in seen]
+
+    def _window(self, v: int, T_world_part: Array) -> tuple[View, Sequence[EllipseFeature]] | None:
+        view, diameter_m = self._views[v], self._model.diameter_m
+        centre = view.T_world_camera.inv().apply(T_world_part[:3, 3])
+        if centre[2] <= 0:
+            return None
+        place = np.append(centre[:2] / centre[2], np.log(centre[2]))
+        for known, window_view, found in self._looked[v]:
+            near = np.linalg.norm(known - place) * centre[2] < NEAR * diameter_m
+            whole = window_view.camera.width_px >= view.camera.width_px
+            if near or (whole and abs(known[2] - place[2]) < SAME_SCALE):
+                return window_view, found
+        made = window(view, T_world_part, diameter_m, [c.circle.radius_m for c in self._model.supporting])
+        if made is None:
+            return None
+        self._looked[v].append((place, made, self._extract(made)))
+        return self._looked[v][-1][1:]
 
 
 def turned(T_world_part: Array, turn_rad: float) -> Array:

@@ -39,6 +39,7 @@ def pose_by_stereo(
     features: Sequence[Sequence[EllipseFeature]],
     views: Sequence[View],
     circles: SalientCircles,
+    passes: int = PASSES,
 ) -> Array | None:
     """The pose from the salient circles that were matched in two or more views.
 
@@ -49,12 +50,13 @@ def pose_by_stereo(
         features: the ellipses of every view.
         views: with distortion-free lenses.
         circles: the salient circles.
+        passes: how often it is computed, each time from the last result.
 
     Returns:
         4x4 pose, or None where fewer than two views share a circle.
     """
     T: Array | None = T_world_part
-    for _ in range(PASSES):
+    for _ in range(passes):
         if T is not None:
             T = _closed_form(T, matches, features, views, circles)
     return T
