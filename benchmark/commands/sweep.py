@@ -88,6 +88,8 @@ def sweep(
         pieces=pieces,
         sensor=sensor,
         localizer=localizer,
+        # A preset compares its own localizer with others; with another one there is nothing to compare.
+        compared=None if localizer is None else (),
         views=views,
         task=task,
         workers=workers,
@@ -96,7 +98,8 @@ def sweep(
     )
     out = out or Path("results") / preset
     prepare_process()
-    check_localizer(config.localizer, config.part_names, config.models)
+    for name in (config.localizer, *config.compared):
+        check_localizer(name, config.part_names, config.models)
     with SweepProgress(config.workers) as progress:
         records = _run(config, out, progress, episode_limit or None)
     Console(stderr=True).print(timing_table(records))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -66,6 +66,14 @@ class Verdict:
     pieces: tuple[PieceRecord, ...]
     false_positives: dict[str, int]
     owner: tuple[int | None, ...]
+
+    def beside(self, other: Verdict) -> Verdict:
+        """This verdict with the results of another localizer on the same pieces."""
+        pieces = tuple(
+            replace(mine, results={**mine.results, **theirs.results})
+            for mine, theirs in zip(self.pieces, other.pieces, strict=True)
+        )
+        return replace(self, pieces=pieces, false_positives={**self.false_positives, **other.false_positives})
 
 
 def judge(
