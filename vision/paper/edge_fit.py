@@ -39,7 +39,7 @@ def fitted_to_edges(
     scene = SceneEdges(views, [EdgeField.from_gray(view.gray) for view in views], parameters.confirmation)
     reach = (*parameters.rim_reach_px, *parameters.reach_px)
     origins = [estimate.T_world_part.translation for estimate in estimates]
-    distances = [np.linalg.norm(origin - views[0].T_world_camera.translation) for origin in origins]
+    distances = [float(np.linalg.norm(o - views[0].T_world_camera.translation)) for o in origins]
     contour = ModelContour.of(model, views[0].camera.fx / float(np.median(distances or [1.0])))
     fitted = []
     for estimate in estimates:
