@@ -49,7 +49,7 @@ BENCHMARK_ROOMS: dict[str, set[str]] = {
     "episodes": {"meshes", "world", "models", "localizers", "records", "study"},
     "report": {"meshes", "world", "models", "localizers", "records", "study", "episodes"},
     "lessons": {"meshes", "world", "localizers", "records", "episodes"},
-    "detector": {"meshes", "world", "report"},
+    "detector": {"meshes", "world", "records", "report"},
 }
 """The same for `benchmark`; its commands, timing and tuning may import any room."""
 SCENE = "benchmark/world/scene.py"

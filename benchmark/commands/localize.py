@@ -150,6 +150,7 @@ def _as_json(estimate: PoseEstimate) -> dict[str, object]:
         "T_world_part": estimate.T_world_part.as_matrix().tolist(),
         "covariance": estimate.covariance.tolist(),
         "score": float(estimate.score),
+        "probability": estimate.probability,
         "process": estimate.extractor,
         "residual_px": float(estimate.residual_px),
         "views": int(estimate.views),

@@ -85,11 +85,11 @@ def _table(config: SweepConfig, records: list[EpisodeRecord]) -> _Shown:
 
 def _study(config: SweepConfig, records: list[EpisodeRecord], directory: Path) -> _Shown:
     from benchmark.report import study_text
-    from benchmark.report.circle_errors import study_circles
+    from benchmark.report.circle_errors import read_taught
     from benchmark.report.study import build_study, study_to_dict
-    from benchmark.study.taught_models import refusals
 
-    study = build_study(config, records, refusals(directory), study_circles(config, directory))
+    taught = read_taught(config, directory)
+    study = build_study(config, records, taught.refused, taught.errors(config))
 
     def draw(directory: Path) -> list[Path]:
         from benchmark.report.study_figures import save_study_figures  # matplotlib is slow to import

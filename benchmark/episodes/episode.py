@@ -142,6 +142,7 @@ def run_episode(
         pieces=verdict.pieces,
         picks=picks,
         false_positives=verdict.false_positives,
+        false_probabilities=verdict.false_probabilities,
         timings_s=watch.seconds,
     )
 

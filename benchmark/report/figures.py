@@ -41,7 +41,7 @@ STYLE = {
 
 
 def save_figures(table: Table, records: Sequence[EpisodeRecord], directory: Path) -> list[Path]:
-    """Draw ``fig10.png`` and ``errors.png`` into a directory.
+    """Draw ``fig10.png`` and ``errors.png`` into a directory, and ``reliability.png`` where poses have a probability.
 
     Args:
         table: of the sweep.
@@ -55,7 +55,10 @@ def save_figures(table: Table, records: Sequence[EpisodeRecord], directory: Path
         InputError: the directory cannot be written.
     """
     with matplotlib.rc_context(STYLE):
-        return write_figures({"fig10.png": draw_fig10(table), "errors.png": draw_errors(table, records)}, directory)
+        figures = {"fig10.png": draw_fig10(table), "errors.png": draw_errors(table, records)}
+        if table.reliability:
+            figures["reliability.png"] = draw_reliability(table)
+        return write_figures(figures, directory)
 
 
 def write_figures(figures: dict[str, Figure], directory: Path) -> list[Path]:
@@ -86,6 +89,21 @@ def draw_fig10(table: Table) -> Figure:
     axes[0].yaxis.set_major_formatter(matplotlib.ticker.PercentFormatter(1.0))
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(handles), frameon=False)
+    return figure
+
+
+def draw_reliability(table: Table) -> Figure:
+    """How often poses are right against the probability with which they say so; on the diagonal where it is true."""
+    figure, ax = plt.subplots(figsize=(5, 4.6), layout="constrained")
+    ax.plot([0, 1], [0, 1], color="#9aa5b1", linewidth=1)
+    for i, (method, rows) in enumerate(table.reliability.items()):
+        shown = [row for row in rows if row.right.n]
+        said, right = ([getattr(row, name) for row in shown] for name in ("said", "right"))
+        rates, low, high = (np.array([getattr(rate, name) for rate in right]) for name in ("rate", "low", "high"))
+        colour = _colour(method, i)
+        ax.errorbar(said, rates, np.clip([rates - low, high - rates], 0, None), fmt="o", color=colour, label=method)
+    ax.set(xlabel="probability that the pose says", ylabel="right", xlim=(0, 1.02), ylim=(0, 1.02))
+    ax.legend(frameon=False, loc="upper left")
     return figure
 
 

@@ -13,12 +13,15 @@ from benchmark.report.grid import (
     Grid,
     grids_as_markdown,
     last_of_each,
+    median,
     part_title,
     plus_minus,
     print_grids,
     rate_text,
 )
 from benchmark.report.published import PublishedErrors
+from benchmark.report.rate import Rate
+from benchmark.report.reliability import reliability_grid
 from benchmark.report.tables import STAGES, AccuracyRow, Table
 
 EXTRACTOR_TITLES = {"focal-region": "Region-match", "focal-group": "Group-match"}
@@ -31,6 +34,7 @@ STAGE_TITLES = {
 def grids(table: Table) -> list[Grid]:
     """The grids that are shown, first what the paper gives, last what was counted apart."""
     shown = [_table1(table), *_joint(table), coverage_grid(table), *(_fig10(table, stage) for stage in STAGES)]
+    shown += [false_poses_grid(table), *([reliability_grid(table.reliability)] if table.reliability else [])]
     shown += [*margin_grids(table.margins), *recovered_grids(table.recovered)]
     if any(rate.n for rate in table.picks.values()):
         shown.append(_picks(table))
@@ -70,17 +74,16 @@ def _table1(table: Table) -> Grid:
             "Extractor",
             "n",
             "Translation (mm)",
+            "median",
             "published",
             "Rotation (°)",
+            "median ",
             "published ",
-            "Tilt (°)",
-            "In-plane (°)",
         ),
         rows=rows,
         sections=last_of_each(parts),
-        quiet=frozenset({"published", "published ", "Tilt (°)", "In-plane (°)"}),
-        note=f"Pieces at least {BARELY_VISIBLE:.0%} visible. Rotation is the least over the part's symmetries;\n"
-        "tilt is that of its axis, in-plane that about it (– for a part that looks the same at any angle).",
+        quiet=frozenset({"published", "published "}),
+        note=f"Pieces at least {BARELY_VISIBLE:.0%} visible. Rotation is the least over the part's symmetries.",
     )
 
 
@@ -94,20 +97,23 @@ def _joint(table: Table) -> list[Grid]:
             row.method,
             str(row.n),
             *(
-                plus_minus(row.errors[name], 3)
+                text(row.errors[name], 3 if name.endswith("mm") else 2)
                 for name in ("translation_mm", "rotation_deg", "tilt_deg", "inplane_deg")
+                for text in (plus_minus, median)
             ),
         )
         for row in rows
     )
     if not cells:
         return []
-    columns = ("Object", "Method", "n", "Translation (mm)", "Rotation (°)", "Tilt (°)", "In-plane (°)")
+    errors = ("Transl. (mm)", "Rotation (°)", "Tilt (°)", "Turn (°)")
+    columns = ("Object", "Method", "n", *(name for error in errors for name in (error, "median")))
     return [
         Grid(
             title="Localization error of the final poses, both extractors refined together",
             columns=columns,
             rows=cells,
+            note="Tilt: error of the axis; turn: of the turn about it (– where a part looks the same at any angle).",
         )
     ]
 
@@ -133,11 +139,11 @@ def _accuracy_cells(row: AccuracyRow, rows: Sequence[AccuracyRow], i: int) -> tu
         EXTRACTOR_TITLES.get(row.method, row.method),
         str(row.n),
         plus_minus(row.errors["translation_mm"], 2),
+        median(row.errors["translation_mm"], 2),
         _published(row.published, "translation_mm"),
         plus_minus(row.errors["rotation_deg"], 2),
+        median(row.errors["rotation_deg"], 2),
         _published(row.published, "rotation_deg"),
-        plus_minus(row.errors["tilt_deg"], 2),
-        plus_minus(row.errors["inplane_deg"], 2),
     )
 
 
@@ -166,6 +172,26 @@ def _fig10(table: Table, stage: str) -> Grid:
     )
 
 
+def false_poses_grid(table: Table) -> Grid:
+    """How many of the reported poses are of nothing."""
+    rows = tuple(
+        (part_title(part), *(_false_poses(table.find_false_poses(part, method)) for method in table.methods))
+        for part in table.parts
+    )
+    return Grid(
+        title="False poses: share of the reported poses that belong to no piece",
+        columns=("Object", *table.methods),
+        rows=rows,
+        note="Scenes of one part; all reported poses, of pieces however visible. In brackets: 95 % Wilson interval.",
+    )
+
+
+def _false_poses(share: Rate) -> str:
+    if share.rate is None or share.low is None or share.high is None:
+        return NOTHING
+    return f"{share.successes} of {share.n}: {share.rate:.1%} ({share.low:.1%} to {share.high:.1%})"
+
+
 def _picks(table: Table) -> Grid:
     rows = tuple((part_title(part), str(rate.n), rate_text(rate)) for part, rate in table.picks.items())
     return Grid("Picks of localised pieces", ("Object", "n", "Succeeded"), rows)
@@ -179,12 +205,11 @@ def _counts(table: Table) -> Grid:
             str(count.barely_visible),
             str(count.out_of_bin),
             _tally(count.lost_at),
-            _tally(count.false_positives),
         )
         for count in table.counts
     ]
     heading = f"< {BARELY_VISIBLE:.0%} visible"
-    columns = ("Object", "Pieces", heading, "Out of the bin", "Lost at", "False positives")
+    columns = ("Object", "Pieces", heading, "Out of the bin", "Lost at")
     return Grid("Pieces, and those counted apart", columns, tuple(rows))
 
 

@@ -14,7 +14,7 @@ import pytest
 import benchmark.localizers.registry
 from benchmark import cli
 from benchmark.commands.progress import Pace, duration
-from benchmark.config import EpisodeConfig
+from benchmark.config import EpisodeConfig, preset
 from benchmark.doctor import check_gl, examine
 from benchmark.records.episode_record import EpisodeRecord, LocalizerResult, PieceRecord, PoseErrors
 from benchmark.records.store import EPISODES_FILE
@@ -81,9 +81,20 @@ def test_run_prints_each_piece(simulator: types.ModuleType, capsys: pytest.Captu
     assert "drop 0.50 s" in out
 
 
+def test_run_is_an_episode_of_the_paper_where_nothing_else_is_said(
+    simulator: types.ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seed = preset("table1").seed
+    for scene, pieces in ((s, preset("table1").episode("hub", s).pieces) for s in range(3)):
+        assert cli.main(["run", "--part", "hub", "--seed", str(seed), "--scene", str(scene)]) == 0
+        assert capsys.readouterr().out.count("0.50 mm, tilt 0.40°") == 3 * pieces
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["sweep", "--pieces", "6-4"], "pieces: got 6-4; expected a number from 1 to 12, or two of them such as 4-6"),
+        (["run", "--pieces", "many"], "pieces: got many; expected a number from 1 to 12"),
         (["sweep", "--parts", "hat"], "got hat; expected one of hub, cover1, cover2"),
         (["sweep", "--parts", "hub,,cover1"], "got nothing"),
         (["sweep", "--sensor", "moon"], "expected ideal or lab or shopfloor"),

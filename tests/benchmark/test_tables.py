@@ -198,6 +198,33 @@ def test_only_attempted_picks_count_and_a_pick_of_nothing_is_a_failure() -> None
     assert picks["cover1"]["n"] == 0
 
 
+def test_false_poses_are_a_share_of_all_that_were_reported() -> None:
+    table = build_table(CONFIG, [HUB, record("cover1", pieces=(piece(0, 0.9, "cover1", focal=MISSED),))])
+    shares = {(row["part"], row["method"]): (row["successes"], row["n"]) for row in to_dict(table)["false_poses"]}
+    assert shares["hub", "focal"] == (2, 5)  # three pieces matched, one of them hardly visible
+    assert shares["hub", "focal-region"] == (0, 3)
+    assert shares["cover1", "focal"] == (0, 0)
+    for text in (shown(table), as_markdown(table)):
+        assert "2 of 5: 40.0% (11.8% to 76.9%)" in text
+
+
+def test_poses_are_held_to_what_they_say(tmp_path: Path) -> None:
+    sure, unsure = (replace(matched(1.0), probability=p) for p in (0.97, 0.6))
+    pieces = tuple(piece(i, 0.9, focal=sure if i < 9 else unsure) for i in range(10))
+    scene = record(pieces=pieces, false_positives={"focal": 3}, false_probabilities={"focal": (0.96, 0.7, 0.1)})
+    table = build_table(CONFIG, [scene])
+    rows = {row["low"]: row["right"] for row in to_dict(table)["reliability"]["focal"]}
+    assert [(rows[low]["successes"], rows[low]["n"]) for low in (0.0, 0.5, 0.95, 0.99)] == [
+        (0, 1),
+        (1, 2),
+        (9, 10),
+        (0, 0),
+    ]
+    assert "| focal | 0% to 50% | 1 | 10.0% |" in as_markdown(table)
+    assert [path.name for path in save_figures(table, [scene], tmp_path)][-1] == "reliability.png"
+    assert "Reliability" not in shown(build_table(CONFIG, [HUB]))
+
+
 def test_mixed_scenes_count_for_each_part() -> None:
     config = SweepConfig(parts=("hub+cover1",), scenes=1)
     mixed = EpisodeRecord(
@@ -255,7 +282,7 @@ def shown(table: object) -> str:
 def test_text_has_the_measured_beside_the_published() -> None:
     text = shown(build_table(CONFIG, [HUB]))
     (hub,) = (line for line in text.splitlines() if line.startswith(" Hub") and "Region-match" in line)
-    assert hub.split()[:9] == ["Hub", "Region-match", "2", "3.00", "±", "2.83", "3.4", "±", "1.9"]
+    assert hub.split()[:10] == ["Hub", "Region-match", "2", "3.00", "±", "2.83", "3.00", "3.4", "±", "1.9"]
     assert "77%" in text
     assert max(map(len, text.splitlines())) <= 120
 

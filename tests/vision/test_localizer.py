@@ -144,6 +144,18 @@ def test_regions_too_small_for_the_part_are_pruned_and_the_rest_is_not(focal, sc
     assert ellipses_of(view, constraints) == ellipses_of(view, None)
 
 
+def test_ellipses_have_the_size_of_a_salient_circle_in_the_workspace(focal, scene, photograph):
+    view = photograph(scene, noise=0)[0]
+    y, x = np.mgrid[: view.camera.height_px, : view.camera.width_px]
+    littered = np.where(np.hypot(x - 40, y - 40) < 15, 200, view.image).astype(np.uint8)
+    view = replace(view, image=littered)
+    for workspace, most in ((WORKSPACE, 0), (None, 2)):
+        found = focal.extraction(view, workspace).features
+        small = [f for f in found if np.hypot(*(f.ellipse.centre - 40)) < 2]
+        assert len(small) == most
+        assert len(found) - len(small) >= 4
+
+
 def ellipses_of(view, constraints):
     """Those of region growing, at least as large as the plate's bores, its smallest salient circles, can be."""
     found = extract_features(view, ["region"], constraints)

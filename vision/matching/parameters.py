@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from vision.errors import InputError
 from vision.pose.calibration import EXACT, CalibrationError
 from vision.pose.edge_errors import USUAL, EdgeErrors
+from vision.pose.probability import USUAL_WEIGHTS, ProbabilityWeights
 from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, Allowed, check, count
 
 
@@ -77,6 +78,7 @@ class MatchingParameters:
         leash: how far a refinement may move a pose before it has run away, in part diameters.
         calibration: how unsure the calibration of the views is; it widens the covariances and moves no pose.
         edge_errors: the errors that many edges share; they too widen the covariances and move no pose.
+        probability_weights: how likely a pose is right by what confirms it.
         joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points.
         depth_search: try other distances for a candidate and for a pose that only one view supports.
         hiding: parts that were found hide what lies behind them, which is then not held against a hypothesis.
@@ -98,6 +100,7 @@ class MatchingParameters:
     leash: float = 0.05
     calibration: CalibrationError = EXACT
     edge_errors: EdgeErrors = USUAL
+    probability_weights: ProbabilityWeights = USUAL_WEIGHTS
     joint_edges: bool = True
     depth_search: bool = True
     hiding: bool = True
