@@ -17,6 +17,20 @@ from vision.errors import InputError
 Task = Literal["pick", "none"]
 SENSORS = ("ideal", "lab", "shopfloor")
 LOCALIZERS = ("focal", "focal-region", "focal-group", "paper", "previous", "oracle")
+LADDER: dict[str, str] = {
+    "previous": "the predecessor: region growing alone",
+    "paper": "the paper's system",
+    "paper-fit": "+ poses are fitted to edges",
+    "paper-both": "+ our extractors, both for every feature",
+    "edges-confirm": "+ edges confirm, in the place of extracted supporting features",
+    "depth-search": "+ depth search",
+    "hiding": "+ parts found hide what is behind them",
+    "patterns": "+ patterns",
+    "focal": "+ arcs: our localizer",
+    "focal-region": "focal with region growing alone",
+    "focal-group": "focal with edge grouping alone",
+}
+"""The localizers of the preset ladder, and what each adds to the one above it; the last two are held to ``focal``."""
 TASKS: tuple[str, ...] = get_args(Task)
 VIEWS = (2, 3)
 MOST_PIECES = 12
@@ -83,6 +97,7 @@ class EpisodeConfig:
         task: ``pick`` lets the robot pick, ``none`` stops after localisation.
         variant: what is different in this episode of a study; None outside studies.
         models: directory of vision models that come before the shipped ones, None for these alone.
+        compared: other localizers that look at the same pictures; nothing is picked by their poses.
     """
 
     parts: tuple[str, ...]
@@ -95,6 +110,7 @@ class EpisodeConfig:
     task: Task = "pick"
     variant: Variant | None = field(default=None, metadata=MAY_BE_MISSING)
     models: str | None = field(default=None, metadata=MAY_BE_MISSING)
+    compared: tuple[str, ...] = field(default=(), metadata=MAY_BE_MISSING)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parts", tuple(self.parts))
@@ -139,6 +155,7 @@ class SweepConfig:
         workers: processes that run episodes; has no influence on any result and no part in the hash.
         variants: what a study varies: every scene is run once in each variant. Empty outside studies.
         models: as in ``EpisodeConfig``.
+        compared: as in ``EpisodeConfig``.
     """
 
     parts: tuple[str, ...]
@@ -152,6 +169,7 @@ class SweepConfig:
     workers: int = 1
     variants: tuple[Variant, ...] = field(default=(), metadata=MAY_BE_MISSING)
     models: str | None = field(default=None, metadata=MAY_BE_MISSING)
+    compared: tuple[str, ...] = field(default=(), metadata=MAY_BE_MISSING)
     most_pieces: int | None = field(default=None, metadata=MAY_BE_MISSING)
 
     def __post_init__(self) -> None:
@@ -206,6 +224,7 @@ class SweepConfig:
             task=self.task,
             variant=variant,
             models=self.models,
+            compared=self.compared,
         )
 
 
@@ -274,6 +293,12 @@ def _check_common(config: EpisodeConfig | SweepConfig) -> None:
     if not config.localizer or config.localizer.split() != [config.localizer]:
         expected = f"{', '.join(LOCALIZERS)}, or the name of your own"
         raise InputError("localizer", got=repr(config.localizer), expected=expected)
+    object.__setattr__(config, "compared", tuple(config.compared))
+    names = (config.localizer, *config.compared)
+    if len(set(names)) != len(names):
+        raise InputError(
+            "compared", got=", ".join(config.compared), expected=f"others than {config.localizer}, each once"
+        )
     if config.views not in VIEWS:
         raise InputError("views", got=config.views, expected="2 or 3")
     if config.task not in TASKS:
@@ -287,8 +312,9 @@ def _like_table1(name: str, **changes: Any) -> SweepConfig:
 
 
 PRESETS: dict[str, SweepConfig] = {
-    "table1": _like_table1("table1"),
+    "table1": _like_table1("table1", compared=("previous", "paper")),
     "smoke": _like_table1("smoke", scenes=2),
+    "ladder": _like_table1("ladder", task="none", compared=tuple(name for name in LADDER if name != "focal")),
     "heap": _like_table1("heap", pieces=8, most_pieces=12),
     "shopfloor": _like_table1("shopfloor", scenes=10, sensor="shopfloor", task="none"),
     "calibration": _like_table1(

@@ -186,10 +186,10 @@ def _published(table: Table) -> Grid:
     rows, last = [], None
     for row in table.table1:
         label = "" if row.part == last else SIZED.get(row.part, row.part)
-        rows.append((label, f"{row.method.removeprefix('focal-')}-match", str(row.n), *_beside_published(row)))
+        rows.append((label, row.method, str(row.n), *_beside_published(row)))
         last = row.part
     errors = ("Translation (mm)", "median", "published", "Rotation (°)", "median", "published")
-    columns = ("Object", "Extractor", "n", *errors)
+    columns = ("Object", "Method", "n", *errors)
     return Grid("", columns, tuple(rows))
 
 
@@ -216,7 +216,9 @@ def _focal(table: Table) -> Grid:
                 _percent(focal.rate),
                 _percent(region.rate),
                 _percent(table.find_success(part, "focal", "matching", BARELY_VISIBLE).rate),
-                NOTHING if focal.published is None else _share(focal.published),
+                NOTHING
+                if (rate := table.find_success(part, "paper", "matching", BARELY_VISIBLE).published) is None
+                else _share(rate),
                 share_text(table.find_false_poses(part, "focal")),
                 *(f"{text(errors['translation_mm'])} mm, {text(errors['tilt_deg'])}°" for text in (_mean, _median)),
                 f"{picks.successes} of {picks.n}",

@@ -31,7 +31,7 @@ ROOMS: dict[str, set[str]] = {
     "matching": {"geometry", "edges", "extraction", "model", "pose"},
     "drawing": {"geometry", "edges", "regions", "grouping", "extraction", "model", "pose"},
     "localizer": {"geometry", "edges", "regions", "extraction", "model", "pose", "matching"},
-    "paper": {"geometry", "edges", "regions", "grouping", "model", "pose", "matching", "localizer"},
+    "paper": {"geometry", "edges", "regions", "grouping", "extraction", "model", "pose", "matching", "localizer"},
 }
 """What each room of `vision` may import besides itself and what anyone may: lower rooms come first."""
 BENCHMARK_ANYONE = {"config", "strict_json", "child_process", "seeds"}

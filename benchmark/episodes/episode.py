@@ -22,7 +22,7 @@ from benchmark.localizers.oracle import Truth
 from benchmark.localizers.registry import make_localizer, with_single_extractor_answers
 from benchmark.models import load_model
 from benchmark.records.environment import environment_stamp
-from benchmark.records.episode_record import EpisodeRecord, PickRecord
+from benchmark.records.episode_record import EpisodeRecord, PickRecord, vision_stage
 from benchmark.study.taught_models import NothingTaught, taught_models
 from benchmark.world import gl
 from benchmark.world.cell import WorkCell
@@ -31,7 +31,7 @@ from benchmark.world.sensor import SensorConfig, calibration_error, sensor_confi
 from vision.errors import InputError
 from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
-from vision.localizer import Localization, Localizer
+from vision.localizer import PRESETS, Localization, Localizer
 from vision.pose.calibration import CalibrationError
 
 Array = NDArray[np.float64]
@@ -115,13 +115,18 @@ def run_episode(
             dropped = cell.drop(drop_rng, on_step, sensor)
         sight = _look(cell, cells.viewpoints(config), sensor_rng, watch, observer, on_step)
         pieces = _true_pieces(cell, dropped, sight)
-        localizer = _localizer(
+        localizer, *others = _localizers(
             config, study, lambda: [(p.part, p.T_world_part) for p in pieces], calibration_error(sensor)
         )
         with watch.stage("vision"):
             localization = localizer.localize(sight.views, workspace(cell.config))
-        localization = with_single_extractor_answers(localizer, localization, sight.views, workspace(cell.config))
+        if not set(PRESETS) & set(config.compared):
+            localization = with_single_extractor_answers(localizer, localization, sight.views, workspace(cell.config))
         verdict = judge(localization, localizer.name, pieces, sight.true_views, config.models)
+        for other in others:
+            with watch.stage(vision_stage(other.name)):
+                answer = other.localize(sight.views, workspace(cell.config))
+            verdict = verdict.beside(judge(answer, other.name, pieces, sight.true_views, config.models))
         observer.localized(localization, verdict)
         picks: tuple[PickRecord, ...] = ()
         if config.task == "pick":
@@ -149,18 +154,21 @@ def _sensor(config: EpisodeConfig) -> SensorConfig:
     return sensor if hand_eye_mm is None else with_hand_eye_error(sensor, hand_eye_mm / 1000)
 
 
-def _localizer(config: EpisodeConfig, study: Path | None, truth: Truth, calibration: CalibrationError) -> Localizer:
-    """What the episode's localizer is, with the models that the episode's variant has been taught."""
+def _localizers(
+    config: EpisodeConfig, study: Path | None, truth: Truth, calibration: CalibrationError
+) -> list[Localizer]:
+    """The episode's localizer and those compared with it, with the models that its variant has been taught."""
+    names = (config.localizer, *config.compared)
     if config.variant is None or not config.variant.is_taught:
         models = [load_model(part, config.models) for part in config.parts]
-        return make_localizer(config.localizer, models, truth, calibration)
+        return [make_localizer(name, models, truth, calibration) for name in names]
     if study is None:
         expected = "the directory of the sweep in which it was taught"
         raise InputError(f"models of variant {config.variant.name}", got="none", expected=expected)
     models = taught_models(study, config.variant, config.parts)
     if not models:
-        return NothingTaught(config.localizer)
-    return make_localizer(config.localizer, models, truth, calibration)
+        return [NothingTaught(name) for name in names]
+    return [make_localizer(name, models, truth, calibration) for name in names]
 
 
 def _look(

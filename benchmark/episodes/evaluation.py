@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -68,6 +68,19 @@ class Verdict:
     false_positives: dict[str, int]
     owner: tuple[int | None, ...]
     false_probabilities: dict[str, tuple[float, ...]] = field(default_factory=dict)
+
+    def beside(self, other: Verdict) -> Verdict:
+        """This verdict with the results of another localizer on the same pieces."""
+        pieces = tuple(
+            replace(mine, results={**mine.results, **theirs.results})
+            for mine, theirs in zip(self.pieces, other.pieces, strict=True)
+        )
+        return replace(
+            self,
+            pieces=pieces,
+            false_positives={**self.false_positives, **other.false_positives},
+            false_probabilities={**self.false_probabilities, **other.false_probabilities},
+        )
 
 
 def judge(

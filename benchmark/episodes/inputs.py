@@ -34,8 +34,9 @@ def _files(config: SweepConfig) -> Iterator[tuple[str, Path]]:
         if (mesh := MeshReference.parse(part)) is not None:
             yield f"mesh {mesh.path}", mesh.path
         yield f"vision model of {part}", model_path(part, config.models)
-    if (module := user_file(config.localizer)) is not None:
-        yield f"localizer {config.localizer} in {module.name}", module
+    for name in (config.localizer, *config.compared):
+        if (module := user_file(name)) is not None:
+            yield f"localizer {name} in {module.name}", module
 
 
 def _digest(path: Path) -> str:

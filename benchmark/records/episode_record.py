@@ -19,6 +19,11 @@ SCHEMA = 1
 STAGES = ("drop", "render", "vision", "motion", "total")
 
 
+def vision_stage(compared: str) -> str:
+    """The stage in which a localizer works that was compared with the episode's own, by its name."""
+    return f"vision of {compared}"
+
+
 @dataclass(frozen=True)
 class PoseErrors:
     """Error of an estimated pose; see ``benchmark.episodes.metrics.pose_errors``.
@@ -176,7 +181,7 @@ class EpisodeRecord:
         false_positives: by localizer, the number of poses that belong to no piece.
         false_probabilities: by localizer, with which it says of those poses that they are right, where it says so;
             empty too in a record that is older than this field.
-        timings_s: wall time in seconds under the names in ``STAGES``.
+        timings_s: wall time in seconds under the names in ``STAGES``, and ``vision_stage`` of what was compared.
         error: one line that says why the episode did not finish; None when it did.
     """
 

@@ -62,7 +62,7 @@ def test_sweep_then_table_then_check(
     assert f"focalpick table {out}" in err.replace("\n", " ")
     assert cli.main(["table", str(out), "--format", "json", "--figures", str(tmp_path / "figures")]) == 0
     table = json.loads(capsys.readouterr().out)
-    assert [row["n"] for row in table["table1"]] == [4, 4]
+    assert [row["n"] for row in table["table1"]] == [0, 0, 4]
     assert (tmp_path / "figures" / "fig10.png").exists()
     for style in ("text", "md"):
         assert cli.main(["table", str(out), "--format", style]) == 0

@@ -68,8 +68,9 @@ class Matcher:
             workspace: where parts can be.
             parameters: settings.
         """
-        self.views, self.model, self.workspace = views, model, workspace
         self.parameters = parameters or MatchingParameters()
+        self.model = model if self.parameters.patterns else replace(model, patterns=())
+        self.views, self.workspace = views, workspace
         self.circles = SalientCircles.of(model)
         self.scene = SceneEdges(views, fields, self.parameters.confirmation)
 
@@ -151,7 +152,7 @@ class Matcher:
             if final is None or not self._stands(final, minimum_score, [*known, *accepted]):
                 continue
             accepted.append(final)
-            self.scene.claim(final.T_world_part.as_matrix(), contour, self.model)
+            self.scene.claim(final.T_world_part.as_matrix(), contour, self.model, hiding=self.parameters.hiding)
             pool = self._left_over(pool, final.T_world_part.as_matrix(), contour)
         return accepted, pool
 
@@ -179,7 +180,7 @@ class Matcher:
         least, most = self.parameters.doubtful_scores
         if least < evidence.score[0] < most:
             T, evidence = self._better(T, evidence, generator.aligned(T, inplane=known), generator.contour)
-        if evidence.views[0] == 1 < len(self.views):
+        if self.parameters.depth_search and evidence.views[0] == 1 < len(self.views):
             moved = generator.supported_by_others(T, int(hypothesis.seed[0, 0]), inplane=known)
             T, evidence = self._better(T, evidence, moved, generator.contour)
         turned = replace(hypothesis, poses=T[None], turned=yes, inplane_known=np.array([known]))

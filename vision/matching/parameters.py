@@ -79,8 +79,11 @@ class MatchingParameters:
         calibration: how unsure the calibration of the views is; it widens the covariances and moves no pose.
         edge_errors: the errors that many edges share; they too widen the covariances and move no pose.
         probability_weights: how likely a pose is right by what confirms it.
-        joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points, as a
-            localizer with one extractor always does.
+        joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points.
+        depth_search: try other distances for a candidate and for a pose that only one view supports.
+        hiding: parts that were found hide what lies behind them, which is then not held against a hypothesis.
+        patterns: taught patterns, too, say how a part is turned and confirm it.
+        arcs: where no ellipse is left of a part, a long arc may suggest a pose.
     """
 
     candidates: int = 16
@@ -99,6 +102,10 @@ class MatchingParameters:
     edge_errors: EdgeErrors = USUAL
     probability_weights: ProbabilityWeights = USUAL_WEIGHTS
     joint_edges: bool = True
+    depth_search: bool = True
+    hiding: bool = True
+    patterns: bool = True
+    arcs: bool = True
 
     def __post_init__(self) -> None:
         check(self, candidates=count(1), minimum_scores=NOT_NEGATIVE, minimum_separation=NOT_NEGATIVE)
