@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -60,14 +60,14 @@ class Verdict:
     Attributes:
         pieces: one record for each piece.
         false_positives: by method, the number of poses that belong to no piece.
-        false_probabilities: by method, with which it says of those poses that they are right, where it says so.
         owner: for each of the localizer's estimates, the piece it belongs to or None.
+        false_probabilities: by method, with which it says of the false poses that they are right, where it says so.
     """
 
     pieces: tuple[PieceRecord, ...]
     false_positives: dict[str, int]
-    false_probabilities: dict[str, tuple[float, ...]]
     owner: tuple[int | None, ...]
+    false_probabilities: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
     def beside(self, other: Verdict) -> Verdict:
         """This verdict with the results of another localizer on the same pieces."""
@@ -114,8 +114,8 @@ def judge(
     return Verdict(
         tuple(records),
         {name: len(a.false_positives) for name, a in assignments.items()},
-        {name: _probabilities([answers[name][i] for i in a.false_positives]) for name, a in assignments.items()},
         tuple(owner.get(i) for i in range(len(localization.estimates))),
+        {name: _probabilities([answers[name][i] for i in a.false_positives]) for name, a in assignments.items()},
     )
 
 

@@ -56,20 +56,20 @@ MUTATIONS: tuple[Mutation, ...] = (
         ),
         (
             "nothing has to verify a hypothesis",
-            "if len(seen) < self.parameters.fewest_supporting:",
-            "if False:",
+            "if len(seen) >= self.parameters.fewest_supporting or not model.supporting:",
+            "if True:",
             f"{PAPER}::test_what_has_no_supporting_feature_is_no_plate",
         ),
         (
             "parts are found twice",
-            "if T is None or not self._is_apart(T, accepted, model):",
-            "if T is None:",
+            "if not shared and self._is_apart(T, accepted, model):",
+            "if True:",
             f"{PAPER}::test_plates_are_localised_by_stereo",
         ),
         (
             "the turn that supporting features tell is not taken",
-            "_estimate(turned(T, turn), hypothesis",
-            "_estimate(T, hypothesis",
+            "T = turned(found.T_world_part, turn)",
+            "T = found.T_world_part",
             f"{PAPER}::test_plates_are_localised_by_stereo",
         ),
     ),
@@ -118,17 +118,21 @@ MUTATIONS: tuple[Mutation, ...] = (
     *_of(
         "vision/paper/ellipse_filter.py",
         (
-            "the filter's update is skipped",
-            "for point in points:",
-            "for point in points[:0]:",
-            f"{PAPER}::test_the_filter_finds_an_ellipse_from_a_rough_estimate",
-        ),
-        (
             "the foci always start in the centroid",
             "if foci_in_centroid:",
             "if True:",
             f"{PAPER}::test_foci_that_start_in_the_centroid_stay_together_but_for_rounding",
         ),
+    ),
+    *_of(
+        "vision/paper/ellipse_filter.py",
+        (
+            "the filter's update is skipped",
+            "        p -= gain * residual\n",
+            "",
+            f"{PAPER}::test_the_update_is_that_of_filterpy",
+        ),
+        in_kernel=True,
     ),
     *_of(
         "vision/paper/supporting.py",

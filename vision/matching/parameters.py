@@ -114,5 +114,9 @@ class MatchingParameters:
         check(self, loose_reach_px=Allowed(1, above=True), leash=NOT_NEGATIVE)
         closer = Allowed(-1, above=True)  # the part stays before the camera
         check(self, depth_shares=closer, far_depth_shares=closer)
+        weights = self.probability_weights
+        if not isinstance(weights, ProbabilityWeights) or not weights.are_valid:
+            expected = "ProbabilityWeights, each a finite float >= 0"
+            raise InputError("probability_weights", got=weights, expected=expected)
         if len(self.doubtful_scores) != 2 or self.doubtful_scores[0] > self.doubtful_scores[1]:
             raise InputError("doubtful_scores", got=self.doubtful_scores, expected="two numbers, low <= high")

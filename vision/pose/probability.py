@@ -26,6 +26,11 @@ class ProbabilityWeights(NamedTuple):
     shown: float = 16.0
     constant: float = 12.7
 
+    @property
+    def are_valid(self) -> bool:
+        """Whether all are finite numbers and none is negative."""
+        return all(isinstance(weight, float) and 0 <= weight < np.inf for weight in self)
+
 
 USUAL_WEIGHTS = ProbabilityWeights()
 """Those of this project's localizer."""
