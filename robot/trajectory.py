@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,7 @@ from vision.frozen import frozen_arrays
 
 Array = NDArray[np.float64]
 
-DEFAULT_DT_S = 0.004
+DEFAULT_DT_S = 0.002  # of the physics: a coarser staircase would shake the arm at every step
 _LINE_STEP_M = 0.004
 _LINE_STEP_RAD = np.radians(1.0)
 # Between two neighbouring poses of a line no joint may turn further: the branch changed or the wrist is singular.
@@ -54,6 +55,11 @@ class Trajectory:
     def duration_s(self) -> float:
         """Time from the first row to the last."""
         return (len(self.q) - 1) * self.dt_s
+
+    def commands(self) -> Iterator[tuple[Array, Array, Array]]:
+        """What to command in each time step: angles at its beginning, speeds at its end, accelerations over it."""
+        ends = np.vstack([self.qd[1:], np.zeros((1, 6))])
+        return zip(self.q, ends, (ends - self.qd) / self.dt_s, strict=True)
 
 
 def joint_trajectory(

@@ -197,7 +197,7 @@ def _set_options(root: mjcf.RootElement) -> None:
     root.option.cone = "elliptic"
     root.option.impratio = 10
     root.option.noslip_iterations = 3
-    root.size.memory = "64M"
+    root.size.memory = "512M"
     root.statistic.extent = 1.0
     root.statistic.center = (0.6, 0.0, 0.6)
     root.visual.map.znear = 0.05

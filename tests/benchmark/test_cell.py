@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 from benchmark.world.cell import WorkCell
 from benchmark.world.drop import REST_SPEED_DIAMETERS_S, rim_speeds
+from benchmark.world.errors import PhysicsError
 from benchmark.world.parts import get_part, vertices
 from benchmark.world.scene import cell_config
 from benchmark.world.sensor import SENSORS
@@ -187,3 +188,18 @@ def test_a_picture_before_the_first_drop_is_refused() -> None:
         pytest.raises(InputError, match="drop"),
     ):
         cell.capture(np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("fault", ["gives up", "diverges"])
+def test_physics_that_cannot_go_on_says_so(cell: WorkCell, monkeypatch: pytest.MonkeyPatch, fault: str) -> None:
+    cell.drop(np.random.default_rng(1))
+    if fault == "gives up":
+
+        def give_up(*_: object) -> None:
+            raise mujoco.FatalError("mj_stackAlloc: out of memory")
+
+        monkeypatch.setattr(mujoco, "mj_step", give_up)
+    else:
+        cell.data.qvel[:] = 1e12
+    with pytest.raises(PhysicsError, match="physics: got"):
+        cell.step(3)
