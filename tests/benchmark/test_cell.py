@@ -142,10 +142,10 @@ def test_mask_of_a_piece_is_where_its_vertices_project_to(cell: WorkCell, lookin
     for pose, name, mask in zip(cell.truth(), cell.config.piece_parts, visibility.total_masks, strict=True):
         points = (cell.camera_truth().inv() * pose).apply(vertices(get_part(name)))
         pixels = cell.camera.project(points)
-        rows, columns = np.nonzero(mask)
+        rows, columns = np.nonzero(mask)  # a tip thinner than a pixel is not drawn
         for seen, projected, size in ((columns, pixels[:, 0], 640), (rows, pixels[:, 1], 480)):
-            assert seen.min() == pytest.approx(max(projected.min(), 0), abs=1.0)
-            assert seen.max() == pytest.approx(min(projected.max(), size - 1), abs=1.0)
+            assert seen.min() == pytest.approx(max(projected.min(), 0), abs=1.5)
+            assert seen.max() == pytest.approx(min(projected.max(), size - 1), abs=1.5)
 
 
 def test_visible_pixels_are_a_part_of_all_pixels(cell: WorkCell, looking: np.ndarray) -> None:
