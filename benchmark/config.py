@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 from benchmark.strict_json import MAY_BE_MISSING
 from vision.errors import InputError
 
-Task = Literal["pick", "none"]
+Task = Literal["pick", "clear", "none"]
 SENSORS = ("ideal", "lab", "shopfloor")
 LOCALIZERS = ("dual", "region", "group", "oracle")
 TASKS: tuple[str, ...] = get_args(Task)
@@ -69,7 +69,7 @@ class Variant:
 
 @dataclass(frozen=True)
 class EpisodeConfig:
-    """One scene: pieces dropped into the bin, photographed, localised and, with task ``pick``, picked.
+    """One scene: pieces dropped into the bin, photographed, localised and, with most tasks, picked.
 
     Attributes:
         parts: names of the part types in the scene, or mesh files; one, or several for a mixed scene.
@@ -79,7 +79,7 @@ class EpisodeConfig:
         sensor: name of a sensor preset, one of ``SENSORS``.
         localizer: one of ``LOCALIZERS``, or the user's own as ``benchmark.localizers`` finds it.
         views: number of viewpoints, 2 or 3.
-        task: ``pick`` lets the robot pick, ``none`` stops after localisation.
+        task: ``pick`` lets the robot pick one piece, ``clear`` all of them, ``none`` stops after localisation.
         variant: what is different in this episode of a study; None outside studies.
         models: directory of vision models that come before the shipped ones, None for these alone.
     """

@@ -80,5 +80,7 @@ def _depth(gripper: GripperGeometry, rotation: Array, translation: Array, points
     if not len(points):
         return 0.0
     fingers = gripper.left
-    ends = float((fingers.centres[:, 2] + np.einsum("nj,nj->n", np.abs(fingers.rotations[:, 2]), fingers.half_sizes)).max())
+    ends = float(
+        (fingers.centres[:, 2] + np.einsum("nj,nj->n", np.abs(fingers.rotations[:, 2]), fingers.half_sizes)).max()
+    )
     return ends - float(((points - translation) @ rotation[:, 2]).min())

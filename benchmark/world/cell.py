@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import mujoco
@@ -119,16 +119,33 @@ class WorkCell:
                 mujoco.mj_step(self.model, self.data)
                 on_step()
 
-    def follow(self, trajectory: Trajectory, on_step: OnStep | None = None) -> None:
-        """Drive the arm along a trajectory, then wait until it rests (at most half a second)."""
+    def follow(
+        self, trajectory: Trajectory, on_step: OnStep | None = None, until: Callable[[], bool] | None = None
+    ) -> bool:
+        """Drive the arm along a trajectory, then wait until it rests (at most half a second).
+
+        Args:
+            trajectory: from where the arm is.
+            on_step: called after every physics step.
+            until: asked after every time step of the trajectory; where it says yes, the arm stops at once.
+
+        Returns:
+            Whether the arm came to the end.
+        """
         steps = max(1, round(trajectory.dt_s / self.model.opt.timestep))
+        arrived = True
         for command in trajectory.commands():
             self.arm.command(*command)
             self.step(steps, on_step)
+            if until is not None and until():
+                self.arm.command(self.arm.joint_positions)
+                arrived = False
+                break
         for _ in range(_SETTLE_ROUNDS):
             if np.abs(self.arm.joint_velocities).max() < _ARM_REST_RAD_S:
-                return
+                break
             self.step(_SETTLE_STEPS, on_step)
+        return arrived
 
     def move_joints(self, q: Array, on_step: OnStep | None = None) -> None:
         """Move the empty-handed arm to joint angles q (6,) in rad along a jerk-limited path, and let it settle."""

@@ -64,7 +64,7 @@ class CellConfig:
     camera_distance_m: float
     view_tilt_rad: float = float(np.radians(15.0))
     bin_centre_m: tuple[float, float, float] = (0.75, 0.0, 0.10)
-    tray_centre_m: tuple[float, float, float] = (0.45, -0.60, 0.10)
+    tray_centre_m: tuple[float, float, float] = (0.40, -0.70, 0.10)
     focal_length_m: float = 0.016
     sensor_size_m: tuple[float, float] = (0.0048, 0.0036)
     resolution_px: tuple[int, int] = (640, 480)
@@ -105,12 +105,12 @@ class _Sizes:
     view_tilt_rad: float
 
 
-# The covers are deep enough to stand on edge, where only a tilted view shows a face; over the hub's large bin the
-# arm reaches no greater tilt.
+# A tray has room for six pieces beside each other. The covers are deep enough to stand on edge, where only a tilted
+# view shows a face; over the hub's large bin the arm reaches no greater tilt.
 _SIZES = {
-    "hub": _Sizes((0.40, 0.54), 0.12, (0.50, 0.40), 1.9, float(np.radians(15.0))),
-    "cover2": _Sizes((0.157, 0.21), 0.05, (0.22, 0.22), 0.75, float(np.radians(25.0))),
-    "cover1": _Sizes((0.075, 0.10), 0.03, (0.16, 0.16), 0.40, float(np.radians(25.0))),
+    "hub": _Sizes((0.40, 0.54), 0.12, (0.84, 0.56), 1.9, float(np.radians(15.0))),
+    "cover2": _Sizes((0.157, 0.21), 0.05, (0.36, 0.24), 0.75, float(np.radians(25.0))),
+    "cover1": _Sizes((0.075, 0.10), 0.03, (0.20, 0.16), 0.40, float(np.radians(25.0))),
 }
 _LARGEST_DIAMETER_M = 0.32  # a bin for larger parts is out of the arm's reach
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
@@ -26,9 +27,7 @@ class Watched:
         loaded_speed: measured joint speed over its limit while the robot touches or holds something.
         loaded_acceleration: the same of the acceleration.
         penetration_m: deepest contact of the robot with anything.
-        stray_force_n: largest sum of normal forces between the robot and a body that it is not meant to touch.
-        stray_body: that body, empty where there was none.
-        touch_force_n: largest sum of normal forces between the robot and what it is meant to touch.
+        forces_n: by body that the robot touched, the largest sum of their normal forces in N.
     """
 
     speed: float = 0.0
@@ -37,17 +36,11 @@ class Watched:
     loaded_speed: float = 0.0
     loaded_acceleration: float = 0.0
     penetration_m: float = 0.0
-    stray_force_n: float = 0.0
-    stray_body: str = ""
-    touch_force_n: float = 0.0
+    forces_n: Mapping[str, float] = field(default_factory=dict)
 
 
 class StepWatch:
-    """Call it after every physics step, then read `worst`.
-
-    Attributes:
-        meant: bodies that the robot may touch; everything else is a stray contact.
-    """
+    """Call it after every physics step, then read `worst`."""
 
     def __init__(self, cell: WorkCell) -> None:
         """Watch a cell from now on."""
@@ -56,7 +49,6 @@ class StepWatch:
         self._body_of_geom = np.array(names)
         self._robot = np.array([name.startswith(ARM_PREFIX) for name in names])
         self._dt = float(cell.model.opt.timestep)
-        self.meant: frozenset[str] = frozenset()
         self.restart()
 
     def restart(self) -> None:
@@ -64,8 +56,8 @@ class StepWatch:
         self._rates: list[Array] = []
         self._quiet_steps = _AFTER_CONTACT_STEPS
         self._free, self._loaded = np.zeros(3), np.zeros(3)
-        self._depth = self._touch = self._stray = 0.0
-        self._stray_body = ""
+        self._depth = 0.0
+        self._forces: dict[str, float] = {}
 
     @property
     def worst(self) -> Watched:
@@ -79,9 +71,7 @@ class StepWatch:
             loaded_speed,
             loaded_acceleration,
             self._depth,
-            self._stray,
-            self._stray_body,
-            self._touch,
+            dict(self._forces),
         )
 
     def __call__(self) -> None:
@@ -122,8 +112,5 @@ class StepWatch:
             body = str(self._body_of_geom[other if self._robot[one] else one])
             forces[body] = forces.get(body, 0.0) + float(wrench[0])
         for body, force in forces.items():
-            if body in self.meant:
-                self._touch = max(self._touch, force)
-            elif force > self._stray:
-                self._stray, self._stray_body = force, body
+            self._forces[body] = max(self._forces.get(body, 0.0), force)
         return True

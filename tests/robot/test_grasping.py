@@ -182,7 +182,9 @@ def test_tilted_piece_is_taken_along_its_axis(kinematics: ArmKinematics, geometr
     assert choice.plan.grasp.approach_m == pytest.approx(0.02 + 0.005 + 0.008)  # half the piece, the ends, and room
 
 
-def test_above_the_free_height_the_way_goes_straight_down(kinematics: ArmKinematics, geometry: GripperGeometry) -> None:
+def test_above_the_free_height_the_way_goes_straight_down(
+    kinematics: ArmKinematics, geometry: GripperGeometry
+) -> None:
     turn, free = Rotation.from_euler("x", 25, degrees=True), GraspParameters(free_height_m=0.25)
     plan = plan_grasp(kinematics, geometry, [cover(0.75, 0, OUTSIDE, turn=turn, z=0.16)], BIN, HOME_Q, free).plan
     assert plan is not None

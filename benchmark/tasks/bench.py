@@ -1,0 +1,231 @@
+"""The workbench: the few steps that all tasks are made of. It hands on everything but the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmark.tasks.attempt import Attempt, Stage
+from benchmark.tasks.clock import Clock
+from benchmark.tasks.hand import Hand
+from benchmark.tasks.memory import Belief, Placed
+from benchmark.tasks.part_shape import opened_grasps_of, surface_points
+from benchmark.world.boards import boards
+from benchmark.world.cell import WorkCell
+from benchmark.world.drop import OnStep
+from benchmark.world.parts import get_part
+from benchmark.world.watch import StepWatch
+from robot.grasping import plan_grasp
+from robot.grasps import GraspChoice, GraspParameters, GraspPlan, Piece
+from robot.placing import PlaceParameters, Placing, Tray, plan_placing
+from robot.viewpoints import Viewpoint
+from vision.geometry.camera import View
+from vision.geometry.workspace import Workspace
+from vision.localizer import Localization, Localizer
+from vision.pose.estimate import PoseEstimate
+
+FREE_OVER_WALL_M = 0.03
+SURE_POSITION_M = 0.0005  # a pose known this well leaves nothing to wish for
+_TRUST_AFTER_FAILURE = 0.4  # in a pose at which a grasp failed, as a share of before
+_FALLEN_RING = 24
+
+Viewpoints = list[Viewpoint]
+
+
+class Witness:
+    """Is told what the robot does, to hold it against the truth; does nothing by itself."""
+
+    def looked(self, view: View) -> None:
+        """A picture was taken, and the arm still stands where it was taken from."""
+
+    def localized(self, views: Sequence[View], localization: Localization) -> None:
+        """Pictures were understood."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """Pictures of a scene in which nothing has moved meanwhile.
+
+    Attributes:
+        views: in the order in which they were taken.
+    """
+
+    views: tuple[View, ...]
+
+    def and_also(self, other: Sight) -> Sight:
+        """All pictures together."""
+        return Sight((*self.views, *other.views))
+
+
+class Workbench:
+    """The robot's own side of a cell: look, localise, plan, act.
+
+    Attributes:
+        hand: moves arm and gripper.
+        clock: what took how long.
+    """
+
+    def __init__(
+        self,
+        cell: WorkCell,
+        localizer: Localizer,
+        space: Workspace,
+        rng: np.random.Generator,
+        clock: Clock,
+        witness: Witness | None = None,
+        on_step: OnStep | None = None,
+        models: str | None = None,
+        watch: StepWatch | None = None,
+    ) -> None:
+        """Take over a cell in which pieces have come to rest.
+
+        Args:
+            cell: the running cell.
+            localizer: finds the poses.
+            space: where pieces can lie.
+            rng: of the camera.
+            clock: keeps time.
+            witness: is told about looks and localisations.
+            on_step: called after every physics step.
+            models: directory of vision models that come before the shipped ones.
+            watch: looks at every physics step.
+        """
+        self._cell, self._localizer, self._space, self._rng = cell, localizer, space, rng
+        self._witness, self._models, self._watch = witness or Witness(), models, watch
+        self.clock = clock
+        self.hand = Hand(cell, clock, _both(on_step, watch))
+        self.diameter_m = max(get_part(name).diameter_m for name in cell.config.part_names)
+        self._bin, self._tray = boards(cell.model, "bin"), boards(cell.model, "tray")
+        self._views_taken = 0
+
+    def look(self, viewpoints: Viewpoints) -> Sight:
+        """Photograph the bin from every viewpoint."""
+        views = []
+        for viewpoint in viewpoints:
+            with self.clock.stage("motion"), self.clock.doing("look"):
+                self.hand.move_joints(viewpoint.q)
+            with self.clock.stage("render"):
+                self._views_taken += 1
+                views.append(self._cell.capture(self._rng, f"view {self._views_taken}"))
+                self._witness.looked(views[-1])
+        return Sight(tuple(views))
+
+    def localize(self, sight: Sight) -> Localization:
+        """Where the pieces are, as far as the pictures tell."""
+        with self.clock.stage("vision"):
+            localization = self._localizer.localize(sight.views, self._space)
+        self._witness.localized(sight.views, localization)
+        return localization
+
+    def plan(self, belief: Belief, parameters: PlaceParameters | None = None) -> GraspChoice[Placing]:
+        """The best way to take a known piece and to put it down on a free spot in the tray."""
+        config = self._cell.config
+        wall_top = config.bin_centre_m[2] + config.bin_wall_m
+        grasping = GraspParameters(
+            free_height_m=wall_top + FREE_OVER_WALL_M, lift_m=config.bin_wall_m + 0.6 * self.diameter_m
+        )
+        pieces = [
+            Piece(
+                known.estimate.T_world_part,
+                opened_grasps_of(known.estimate.part, config.gripper_xml, self.longest_approach_m, self._models),
+                surface_points(known.estimate.part),
+                _confidence(known.estimate) * _TRUST_AFTER_FAILURE**known.failures,
+            )
+            for known in belief.known
+        ]
+        tray = self.tray(belief)
+
+        def finish(plan: GraspPlan) -> Placing | None:
+            points = surface_points(belief.known[plan.piece].estimate.part)
+            return plan_placing(
+                self._cell.kinematics, self.hand.geometry, plan, points, tray, parameters or PlaceParameters()
+            ).placing
+
+        with self.clock.stage("motion"):
+            return plan_grasp(
+                self._cell.kinematics,
+                self.hand.geometry,
+                pieces,
+                self._bin,
+                self.hand.joint_positions,
+                grasping,
+                finish,
+            )
+
+    @property
+    def longest_approach_m(self) -> float:
+        """Of a straight approach along the tool's axis."""
+        return self._cell.config.bin_wall_m + FREE_OVER_WALL_M
+
+    def tray(self, belief: Belief) -> Tray:
+        """The tray with what is believed to lie in it."""
+        config = self._cell.config
+        taken = [np.zeros((0, 3)), *(_footprint(p.part, p.T_world_part.as_matrix(), p.flat) for p in belief.placed)]
+        return Tray(np.array(config.tray_centre_m), np.array(config.tray_size_m), self._tray, np.concatenate(taken))
+
+    def pick(self, belief: Belief, choice: GraspChoice[Placing]) -> tuple[Attempt, Belief]:
+        """Take a piece as planned and put it down; returns how it went and what is believed then."""
+        plan, placing = choice.plan, choice.rest
+        if not belief.known:
+            return self.attempt("pick", None, ("localize", "nothing was localised")), belief
+        if plan is None or placing is None:
+            return self.attempt("pick", None, ("plan", "none of the grasps was possible"), choice=choice), belief
+        part, name = belief.known[plan.piece].estimate.part, plan.taught.name
+        with self.clock.stage("motion"):
+            failed = self.hand.take(plan, part)
+            if failed is not None:
+                return self.attempt("pick", plan.piece, failed, name), belief.failed(plan.piece)
+            belief = belief.taken(plan.piece)
+            failed = self.hand.put(plan, placing, part)
+        if failed is None:
+            belief = belief.put(Placed(part, placing.T_world_part, placing.flat))
+        return self.attempt("pick", plan.piece, failed, name), belief
+
+    def attempt(
+        self,
+        goal: str,
+        estimate: int | None,
+        failed: tuple[Stage, str] | None = None,
+        grasp: str | None = None,
+        choice: GraspChoice[Placing] | None = None,
+    ) -> Attempt:
+        """What has been done since the last attempt, as an attempt."""
+        stage, cause = failed or (None, "")
+        worst = {} if self._watch is None else {"watched": self._watch.worst}
+        if self._watch is not None:
+            self._watch.restart()
+        rejected = {} if choice is None or choice.plan is not None else choice.rejected
+        return Attempt(goal, estimate, stage, cause, grasp, rejected, self.clock.take_simulated_s(), **worst)
+
+
+def _footprint(part: str, pose: np.ndarray, flat: bool) -> np.ndarray:
+    """Points (N, 3) on a piece in the tray; all around, for one that fell over to one side or another."""
+    points = surface_points(part)[::4] @ pose[:3, :3].T + pose[:3, 3]
+    if flat:
+        return points
+    turns = 2 * np.pi * np.arange(_FALLEN_RING) / _FALLEN_RING
+    reach = 0.75 * get_part(part).diameter_m
+    middle = (points.max(axis=0) + points.min(axis=0)) / 2
+    ring = middle + reach * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(_FALLEN_RING)])
+    return np.concatenate([points, ring])
+
+
+def _confidence(estimate: PoseEstimate) -> float:
+    """How sure a pose is, 0 to 1: by the support of its edges, and by its standard deviation."""
+    sigma = float(np.sqrt(np.trace(estimate.covariance[:3, :3])))
+    return estimate.score * min(1.0, SURE_POSITION_M / max(sigma, 1e-9))
+
+
+def _both(one: OnStep | None, other: Callable[[], None] | None) -> OnStep | None:
+    """Calls both after a step; None where there is neither."""
+    calls = [call for call in (one, other) if call is not None]
+    if len(calls) < 2:
+        return calls[0] if calls else None
+
+    def call() -> None:
+        for each in calls:
+            each()
+
+    return call
