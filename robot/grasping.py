@@ -95,7 +95,8 @@ def plan_grasp(
             why["not tried"] += 1
             continue
         tries[candidate.piece] += 1
-        plan = _reach(candidate, kinematics, gripper, seed, parameters)
+        T_world_part = pieces[candidate.piece].T_world_part
+        plan = _reach(candidate, T_world_part, kinematics, gripper, seed, parameters)
         if plan is None:
             why["out of reach"] += 1
             continue
@@ -237,6 +238,7 @@ def _thinned(points: Array) -> Array:
 
 def _reach(
     candidate: _Candidate,
+    T_world_part: RigidTransform,
     kinematics: ArmKinematics,
     gripper: GripperGeometry,
     seed: Array,
@@ -258,6 +260,7 @@ def _reach(
     return GraspPlan(
         candidate.piece,
         candidate.grasp,
+        tcp.inv() * T_world_part,
         tcp,
         pregrasp,
         lifted,

@@ -96,8 +96,8 @@ class GraspParameters:
     max_tilt_rad: float = float(np.radians(60))
     max_covered: float = 0.25
     max_tries: int = 12
-    approach_speed: float = 0.5
-    lift_speed: float = 0.4
+    approach_speed: float = 0.7
+    lift_speed: float = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +107,7 @@ class GraspPlan:
     Attributes:
         piece: index of the piece to take.
         grasp: which of its grasps, and how wide to open for it.
+        T_tcp_part: the piece in the hand, as it will be held.
         T_world_tcp: the tool centre point when gripping.
         T_world_pregrasp: where the straight approach starts.
         T_world_lift: where the straight lift ends.
@@ -118,6 +119,7 @@ class GraspPlan:
 
     piece: int
     grasp: OpenedGrasp
+    T_tcp_part: RigidTransform
     T_world_tcp: RigidTransform
     T_world_pregrasp: RigidTransform
     T_world_lift: RigidTransform

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 _YAWS_RAD = np.radians([0, 30, -30, 60, -60, 90, -90, 120, -120, 150, -150, 180])
 _LEVELLINGS = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
+_CARRY_SAMPLE = 15  # rows between two looks at the carried piece
 FLAT_RAD = float(np.radians(20))
 
 
@@ -35,6 +36,8 @@ class PlaceParameters:
         min_clearance_m: smallest distance of the open gripper from walls and other pieces.
         gap_m: smallest distance between two pieces that were put down.
         max_tilt_rad: largest angle of the tool from straight down.
+        rises_m: how much higher than the lift the carrying may go, the first that is free.
+        carry_clearance_m: smallest distance of gripper and piece from walls and other pieces, while carried.
         loaded_speed: of the arm's limits, while something is held.
         empty_speed: of the arm's limits, on the way back.
         max_tries: how many ways that look free are tried for reach.
@@ -45,7 +48,9 @@ class PlaceParameters:
     min_clearance_m: float = 0.0015
     gap_m: float = 0.006
     max_tilt_rad: float = float(np.radians(65))
-    loaded_speed: float = 0.4
+    rises_m: tuple[float, ...] = (0.0, 0.08, 0.16)
+    carry_clearance_m: float = 0.004
+    loaded_speed: float = 0.7
     empty_speed: float = 1.0
     max_tries: int = 12
 
@@ -58,7 +63,7 @@ class Tray:
     Attributes:
         centre: (3,) middle of the upper surface of its floor, in the world.
         size_m: (2,) inner lengths along x and y.
-        walls: its boards in the world.
+        walls: its boards in the world, and those of whatever else stands around.
         taken: (N, 3) points on what already lies there, in the world.
     """
 
@@ -73,7 +78,7 @@ class Placing:
     """The motions from the end of the lift to the empty hand over the tray.
 
     Attributes:
-        carry: through joint space, to above the spot.
+        carry: where it must be a rise, then through joint space, to above the spot.
         lower: straight down, until the piece almost touches.
         retreat: back along the tool's axis, then up.
         T_world_above: the tool centre point where the lowering begins.
@@ -81,7 +86,7 @@ class Placing:
         flat: whether its axis then stands upright, so that it stays as it is.
     """
 
-    carry: Trajectory
+    carry: tuple[Trajectory, ...]
     lower: Trajectory
     retreat: Trajectory
     T_world_above: RigidTransform
@@ -134,10 +139,10 @@ def plan_placing(
         if tries == parameters.max_tries:
             break
         tries += 1
-        placing = _motions(kinematics, gripper, plan, spots.lowered(spot), parameters)
-        if placing is not None:
+        placing = _motions(kinematics, gripper, plan, spots.lowered(spot), parameters, spots.blocked)
+        if isinstance(placing, Placing):
             return PlacingChoice(placing, dict(rejected))
-        rejected["out of reach"] += 1
+        rejected[placing] += 1
     return PlacingChoice(None, dict(rejected))
 
 
@@ -146,7 +151,7 @@ def _turns(plan: GraspPlan, tray: Tray, parameters: PlaceParameters) -> Iterator
     start = plan.T_world_lift.translation
     column = float(np.arctan2(tray.centre[1], tray.centre[0]) - np.arctan2(start[1], start[0]))
     lifted = plan.T_world_lift.rotation
-    axis = (lifted * plan.taught.T_part_tcp.rotation.inv()).as_matrix()[:, 2]
+    axis = (lifted * plan.T_tcp_part.rotation).as_matrix()[:, 2]
     upright = np.array([0.0, 0.0, 1.0 if axis[2] >= 0 else -1.0])
     turn = np.cross(axis, upright)
     sine = float(np.linalg.norm(turn))
@@ -177,53 +182,59 @@ class _Spots:
         parameters: PlaceParameters,
     ) -> None:
         self._rotation, self._tray, self._parameters = rotation, tray, parameters
-        self._T_tcp_part = plan.taught.T_part_tcp.inv()
+        self._T_tcp_part = plan.T_tcp_part
         held = RigidTransform.from_rotation(rotation) * self._T_tcp_part
         matrix = held.as_matrix()
         points = points_part @ matrix[:3, :3].T + matrix[:3, 3]
         self._middle = (points[:, :2].max(axis=0) + points[:, :2].min(axis=0)) / 2
-        self._bottom = float(points[:, 2].min())
+        self._height = float(tray.centre[2]) + parameters.release_m - float(points[:, 2].min())
         flat = abs(matrix[2, 2]) > np.cos(FLAT_RAD)
         # What does not lie flat falls over to one side or the other.
         reach = np.linalg.norm(points[:, :2] - self._middle, axis=1).max()
         height = float(np.ptp(points[:, 2]))
         self._radius = float(reach) if flat else max(float(reach), 0.75 * height)
-        self._flat = bool(flat)
         self._open = gripper.boxes(plan.grasp.open_width_m)
+        low, high = points_part.min(axis=0), points_part.max(axis=0)
+        piece = Boxes(((low + high) / 2)[None], np.eye(3)[None], ((high - low) / 2)[None])
+        self._loaded = gripper.boxes(plan.grasp.closed_width_m).joined(piece.moved(self._T_tcp_part))
+
+    def blocked(self, turns: Array, places: Array) -> bool:
+        """Whether gripper or piece come too near to something at poses of the tool (K, 3, 3), (K, 3)."""
+        least, tray = self._parameters.carry_clearance_m, self._tray
+        if boxes_clearance(self._loaded, turns, places, tray.walls, 2 * least).min() < least:
+            return True
+        return bool(points_clearance(self._loaded, turns, places, tray.taken, 2 * least).min() < least)
 
     def first(self) -> Array | None:
-        """The first free spot (2,) in the order of `_grid`; None where the tray is full."""
-        taken, limit = self._tray.taken, self._radius + self._parameters.gap_m
-        for spot in _grid(self._tray, self._radius):
-            if len(taken) and np.hypot(*(taken[:, :2] - spot).T).min() < limit:
-                continue
-            if self._clear(spot):
-                return spot
-        return None
+        """The first free spot (2,) in the order of the grid; None where the tray is full."""
+        spots, taken = _grid(self._tray, self._radius), self._tray.taken
+        if len(taken):
+            apart = np.sqrt(((spots[:, None] - taken[None, :, :2]) ** 2).sum(axis=-1).min(axis=1))
+            spots = spots[apart >= self._radius + self._parameters.gap_m]
+        return next(
+            (spot for some in np.array_split(spots, 1 + len(spots) // 32) for spot in self._clear(some)), None
+        )
 
-    def _clear(self, spot: Array) -> bool:
-        """Whether the open gripper fits in beside walls and other pieces."""
-        pose = self.lowered(spot)
-        turn, place = pose.rotation.as_matrix()[None], pose.translation[None]
+    def _clear(self, spots: Array) -> Array:
+        """Those of the spots (N, 2) where the open gripper fits in beside walls and other pieces."""
         least = self._parameters.min_clearance_m
-        if boxes_clearance(self._open, turn, place, self._tray.walls, 2 * least)[0] < least:
-            return False
-        return bool(points_clearance(self._open, turn, place, self._tray.taken, 2 * least)[0] >= least)
+        places = np.column_stack([spots - self._middle, np.full(len(spots), self._height)])
+        turns = np.broadcast_to(self._rotation.as_matrix(), (len(spots), 3, 3))
+        free = boxes_clearance(self._open, turns, places, self._tray.walls, 2 * least) >= least
+        spots, places, turns = spots[free], places[free], turns[free]
+        return spots[points_clearance(self._open, turns, places, self._tray.taken, 2 * least) >= least]
 
     def lowered(self, spot: Array) -> RigidTransform:
         """T_world_tcp at which the piece is let go on a spot."""
-        height = float(self._tray.centre[2]) + self._parameters.release_m - self._bottom
-        return RigidTransform.from_components([*(spot - self._middle), height], self._rotation)
+        return RigidTransform.from_components([*(spot - self._middle), self._height], self._rotation)
 
 
-def _grid(tray: Tray, radius: float) -> Iterator[Array]:
-    """Places for discs of a radius, corner first, so that they end up in rows."""
+def _grid(tray: Tray, radius: float) -> Array:
+    """Places (N, 2) for discs of a radius, corner first, so that they end up in rows."""
     half = tray.size_m / 2 - radius - 0.003
     step = radius / 4
-    axes = [np.arange(-h, h + 1e-9, step) if h > 0 else np.zeros(1) for h in half]
-    for x in axes[0]:
-        for y in axes[1][::-1]:
-            yield tray.centre[:2] + np.array([x, y])
+    x, y = (np.arange(-h, h + 1e-9, step) if h > 0 else np.zeros(1) for h in half)
+    return tray.centre[:2] + np.stack(np.meshgrid(x, y[::-1], indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def _motions(
@@ -232,26 +243,39 @@ def _motions(
     plan: GraspPlan,
     lowered: RigidTransform,
     parameters: PlaceParameters,
-) -> Placing | None:
-    tcp, height = gripper.T_flange_tcp, float(plan.T_world_lift.translation[2])
-    above = _raised(lowered, height)
+    blocked: Callable[[Array, Array], bool],
+) -> Placing | str:
+    """The motions to a spot, or why there are none."""
+    tcp, lifted = gripper.T_flange_tcp, plan.T_world_lift
     back = lowered * RigidTransform.from_translation([0.0, 0.0, -parameters.retreat_m])
     slow, fast = (kinematics.limits.scaled(s) for s in (parameters.loaded_speed, parameters.empty_speed))
-    q_lifted = plan.lift.q[-1]
-    start = plan.T_world_lift.translation
-    bearing = np.arctan2(above.translation[1], above.translation[0]) - np.arctan2(start[1], start[0])
-    try:
-        q_above = kinematics.inverse(above * tcp.inv(), q_lifted + bearing * np.eye(6)[0])
-        carry = joint_trajectory(q_lifted, q_above, slow)
-        lower = cartesian_path(kinematics, (above, lowered), q_above, T_flange_tool=tcp, limits=slow)
-        retreat = cartesian_path(
-            kinematics, (lowered, back, _raised(back, height)), lower.q[-1], T_flange_tool=tcp, limits=fast
-        )
-    except UnreachableError:
-        return None
-    T_world_part = lowered * plan.taught.T_part_tcp.inv()
-    flat = abs(T_world_part.rotation.as_matrix()[2, 2]) > np.cos(FLAT_RAD)
-    return Placing(carry, lower, retreat, above, T_world_part, bool(flat))
+    bearing = np.arctan2(lowered.translation[1], lowered.translation[0]) - np.arctan2(
+        lifted.translation[1], lifted.translation[0]
+    )
+    q_lifted, why = plan.lift.q[-1], "out of reach"
+    for rise in parameters.rises_m:
+        height = float(lifted.translation[2]) + rise
+        above = _raised(lowered, height)
+        try:
+            q_above = kinematics.inverse(above * tcp.inv(), q_lifted + bearing * np.eye(6)[0])
+            carry = []
+            if rise:
+                up = (lifted, _raised(lifted, height))
+                carry.append(cartesian_path(kinematics, up, q_lifted, T_flange_tool=tcp, limits=slow))
+            carry.append(joint_trajectory(carry[-1].q[-1] if carry else q_lifted, q_above, slow))
+            poses = [kinematics.forward(q) * tcp for q in carry[-1].q[::_CARRY_SAMPLE]]
+            if blocked(np.array([p.rotation.as_matrix() for p in poses]), np.array([p.translation for p in poses])):
+                why = "carry blocked"
+                continue
+            lower = cartesian_path(kinematics, (above, lowered), q_above, T_flange_tool=tcp, limits=slow)
+            away = (lowered, back, _raised(back, float(lifted.translation[2])))
+            retreat = cartesian_path(kinematics, away, lower.q[-1], T_flange_tool=tcp, limits=fast)
+        except UnreachableError:
+            continue
+        T_world_part = lowered * plan.T_tcp_part
+        flat = bool(abs(T_world_part.rotation.as_matrix()[2, 2]) > np.cos(FLAT_RAD))
+        return Placing(tuple(carry), lower, retreat, above, T_world_part, flat)
+    return why
 
 
 def _raised(pose: RigidTransform, height: float) -> RigidTransform:

@@ -155,7 +155,7 @@ def cartesian_path(
     if np.abs(rows - rows[0]).max() < 1e-9:
         return Trajectory(rows[:1], np.zeros((1, 6)), dt_s)
     path = CubicSpline(fractions, rows)
-    along, speed = _rest_to_rest(np.zeros(1), np.ones(1), *_path_limits(path, limits), dt_s)
+    along, speed = _along(path, limits, dt_s)
     q = np.asarray(path(along[:, 0]))
     q[0], q[-1] = rows[0], rows[-1]
     return Trajectory(q, np.asarray(path(along[:, 0], 1)) * speed, dt_s)
@@ -231,21 +231,33 @@ def _follow(
     return np.array(rows)
 
 
-def _path_limits(path: CubicSpline, limits: JointLimits) -> tuple[Array, Array, Array]:
-    """Limits of the fraction s along q(s) that keep every joint within its own.
+def _along(path: CubicSpline, limits: JointLimits, dt_s: float) -> tuple[Array, Array]:
+    """The fraction s (N, 1) along q(s) and its speed at every time step, as fast as every joint's limits allow.
 
-    By the chain rule q'' gets two terms and q''' three; each is given its equal share of the limit.
+    What a straight path in joint space would allow is slowed down by what the bends add: a motion that takes k times
+    as long has k times smaller speeds, k² times smaller accelerations and k³ times smaller jerks.
     """
-    s = np.linspace(0.0, 1.0, 4 * len(path.x))
-    first, second, third = (np.abs(path(s, order)).max(axis=0) + 1e-12 for order in (1, 2, 3))
-    velocity = min(
-        (limits.velocity / first).min(),
-        np.sqrt(limits.acceleration / 2 / second).min(),
-        np.cbrt(limits.jerk / 3 / third).min(),
-    )
-    acceleration = min((limits.acceleration / 2 / first).min(), (limits.jerk / 9 / (second * velocity)).min())
-    jerk = (limits.jerk / 3 / first).min()
-    return np.array([velocity]), np.array([acceleration]), np.array([jerk])
+    first = np.abs(path(np.linspace(0.0, 1.0, 4 * len(path.x)), 1)).max(axis=0) + 1e-12
+
+    def timed(slower: float) -> tuple[Array, Array]:
+        velocity, acceleration, jerk = (
+            np.array([(limit / first).min() / slower**power])
+            for power, limit in enumerate((limits.velocity, limits.acceleration, limits.jerk), start=1)
+        )
+        return _rest_to_rest(np.zeros(1), np.ones(1), velocity, acceleration, jerk, dt_s)
+
+    return timed(_excess(path, timed(1.0)[0][:, 0], limits, dt_s))
+
+
+def _excess(path: CubicSpline, along: Array, limits: JointLimits, dt_s: float) -> float:
+    """By how much a motion along a path has to be slowed down to keep the limits; 1 where it keeps them."""
+    rates, slower = np.asarray(path(along)), 1.0
+    for power, limit in enumerate((limits.velocity, limits.acceleration, limits.jerk), start=1):
+        rates = np.diff(rates, axis=0) / dt_s
+        # The last step is a fraction of one.
+        if len(rates) > 2:
+            slower = max(slower, float((np.abs(rates[:-2]) / limit).max()) ** (1 / power))
+    return slower
 
 
 def _rest_to_rest(

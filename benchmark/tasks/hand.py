@@ -136,7 +136,8 @@ class Hand:
         """Carry, lower, let go and draw back; returns where and why it failed."""
         doing = self._clock.doing
         with doing("carry"):
-            self.follow(placing.carry)
+            for trajectory in placing.carry:
+                self.follow(trajectory)
         if not self.gripper.holding(min_force_n=0.5):
             self.let_go(plan)
             return "carry", "slipped out of the fingers"
