@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,9 @@ from vision.frozen import frozen_arrays
 
 Array = NDArray[np.float64]
 
-_YAWS_RAD = np.radians([0, 30, -30, 60, -60, 90, -90, 120, -120, 150, -150, 180])
-_LEVELLINGS = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
+_YAWS_RAD = np.radians([0, 45, -45, 90, -90, 135, -135, 180])
+_LEVELLINGS = (1.0, 0.75, 0.5, 0.25, 0.0)
+_POINT_SPACING_M = 0.004
 _CARRY_SAMPLE = 15  # rows between two looks at the carried piece
 FLAT_RAD = float(np.radians(20))
 
@@ -130,7 +131,11 @@ def plan_placing(
     """
     rejected: Counter[str] = Counter()
     tries = 0
+    tray = replace(tray, taken=_thinned(tray.taken))
     for rotation in _turns(plan, tray, parameters):
+        if not _within_reach(kinematics, gripper, plan, rotation, tray):
+            rejected["out of reach"] += 1
+            continue
         spots = _Spots(plan, rotation, points_part, tray, gripper, parameters)
         spot = spots.first()
         if spot is None:
@@ -159,9 +164,24 @@ def _turns(plan: GraspPlan, tray: Tray, parameters: PlaceParameters) -> Iterator
     about = turn / sine if sine > 1e-9 else np.array([1.0, 0.0, 0.0])
     levelled = [Rotation.from_rotvec(share * angle * about) * lifted for share in _LEVELLINGS]
     allowed = [level for level in levelled if _tilt(level) <= max(parameters.max_tilt_rad, _tilt(lifted))]
-    for level in allowed[:2]:
+    for level in allowed:
         for yaw in _YAWS_RAD:
             yield Rotation.from_euler("z", column + yaw) * level
+
+
+def _thinned(points: Array) -> Array:
+    """One point per cube of a grid that no finger slips through."""
+    _, first = np.unique(np.floor(points / _POINT_SPACING_M).astype(np.int64), axis=0, return_index=True)
+    return points[first]
+
+
+def _within_reach(
+    kinematics: ArmKinematics, gripper: GripperGeometry, plan: GraspPlan, rotation: Rotation, tray: Tray
+) -> bool:
+    """Whether the arm reaches the middle of the tray with the tool turned so, down there and up where it carries."""
+    heights = float(tray.centre[2]) + 0.03, float(plan.T_world_lift.translation[2])
+    poses = (RigidTransform.from_components([*tray.centre[:2], height], rotation) for height in heights)
+    return all(kinematics.solutions(pose * gripper.T_flange_tcp.inv(), plan.lift.q[-1]) for pose in poses)
 
 
 def _tilt(rotation: Rotation) -> float:
@@ -211,9 +231,7 @@ class _Spots:
         if len(taken):
             apart = np.sqrt(((spots[:, None] - taken[None, :, :2]) ** 2).sum(axis=-1).min(axis=1))
             spots = spots[apart >= self._radius + self._parameters.gap_m]
-        return next(
-            (spot for some in np.array_split(spots, 1 + len(spots) // 32) for spot in self._clear(some)), None
-        )
+        return next((spot for some in np.array_split(spots, 1 + len(spots) // 8) for spot in self._clear(some)), None)
 
     def _clear(self, spots: Array) -> Array:
         """Those of the spots (N, 2) where the open gripper fits in beside walls and other pieces."""
@@ -232,7 +250,7 @@ class _Spots:
 def _grid(tray: Tray, radius: float) -> Array:
     """Places (N, 2) for discs of a radius, corner first, so that they end up in rows."""
     half = tray.size_m / 2 - radius - 0.003
-    step = radius / 4
+    step = radius / 3
     x, y = (np.arange(-h, h + 1e-9, step) if h > 0 else np.zeros(1) for h in half)
     return tray.centre[:2] + np.stack(np.meshgrid(x, y[::-1], indexing="ij"), axis=-1).reshape(-1, 2)
 
