@@ -45,7 +45,7 @@ apt_install() {
 }
 endef
 
-.PHONY: help install gl browser table1 test smoke other-machine bench lint clean
+.PHONY: help install gl browser table1 test mutants smoke other-machine bench lint clean
 
 help:  ## Show this list
 	@echo "focalpick: make table1 and make test need no set-up; they create $(VENV) and install by themselves."
@@ -64,6 +64,9 @@ table1: install gl  ## Run the whole benchmark (resumes where it stopped) and pr
 
 test: install gl browser  ## Run all tests
 	@$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist worksteal $(PYTEST_ARGS)
+
+mutants: install gl  ## Make small mistakes in a copy of the code, one by one, and see which of them no fast test notices
+	@$(BIN)/python -m tests.mutants.run
 
 smoke: install gl  ## Run a sweep of a few scenes and hold it against its thresholds, as CI does
 	@out=$$(mktemp -d)

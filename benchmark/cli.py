@@ -8,6 +8,7 @@ import importlib
 import inspect
 import io
 import itertools
+import logging
 import os
 import shutil
 import signal
@@ -58,6 +59,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code: 0 done, 1 a check has failed, 2 bad input or something missing, 70 a bug, 130 interrupted.
     """
     _let_every_terminal_show_the_output()
+    # Without a home Matplotlib keeps its fonts beside the temporary files, and need not advise the user about that.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     try:
         return _dispatch(sys.argv[1:] if arguments is None else arguments)
     except FocalpickError as error:

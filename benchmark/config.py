@@ -10,15 +10,16 @@ import zlib
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Literal, get_args
 
+from benchmark.seeds import SCENES
 from benchmark.strict_json import MAY_BE_MISSING
 from vision.errors import InputError
 
 Task = Literal["pick", "clear", "none"]
 SENSORS = ("ideal", "lab", "shopfloor")
-LOCALIZERS = ("dual", "region", "group", "oracle")
+LOCALIZERS = ("focal", "focal-region", "focal-group", "paper", "previous", "oracle")
 TASKS: tuple[str, ...] = get_args(Task)
 VIEWS = (2, 3)
-MOST_PIECES = 8
+MOST_PIECES = 12
 MOST_SCENES = 100_000
 MOST_WORKERS = 1024
 TAUGHT_VIEWS = (2, 5)
@@ -89,7 +90,7 @@ class EpisodeConfig:
     scene: int = 0
     seed: int = 0
     sensor: str = "lab"
-    localizer: str = "dual"
+    localizer: str = "focal"
     views: int = 3
     task: Task = "pick"
     variant: Variant | None = field(default=None, metadata=MAY_BE_MISSING)
@@ -127,7 +128,9 @@ class SweepConfig:
     Attributes:
         parts: kinds of scene; a kind is a part name, or part names joined by ``+`` for mixed scenes.
         scenes: scenes of each kind (the paper: 35).
-        pieces: pieces in each scene (the paper: 4 to 6; 35 x 4 = 140).
+        pieces: pieces in each scene, or the fewest.
+        most_pieces: each scene's own number, from ``pieces`` to this one, follows from its seed (the paper: 4 to 6);
+            None where all scenes have ``pieces``.
         sensor: as in ``EpisodeConfig``.
         localizer: as in ``EpisodeConfig``.
         views: as in ``EpisodeConfig``.
@@ -142,13 +145,14 @@ class SweepConfig:
     scenes: int = 35
     pieces: int = 4
     sensor: str = "lab"
-    localizer: str = "dual"
+    localizer: str = "focal"
     views: int = 3
     seed: int = 0
     task: Task = "pick"
     workers: int = 1
     variants: tuple[Variant, ...] = field(default=(), metadata=MAY_BE_MISSING)
     models: str | None = field(default=None, metadata=MAY_BE_MISSING)
+    most_pieces: int | None = field(default=None, metadata=MAY_BE_MISSING)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parts", tuple(self.parts))
@@ -165,11 +169,20 @@ class SweepConfig:
         if len({variant.name for variant in self.variants}) != len(self.variants):
             raise InputError("variants", got=", ".join(v.name for v in self.variants), expected="different ones")
         _check_common(self)
+        if self.most_pieces is not None:
+            _check_number("most pieces", self.most_pieces, self.pieces, MOST_PIECES)
+        if self.most_pieces == self.pieces:
+            object.__setattr__(self, "most_pieces", None)  # the same sweep has the same hash
 
     @property
     def config_hash(self) -> str:
         """SHA-256 of the canonical JSON without ``workers``, 64 hexadecimal digits."""
         return _hash({k: v for k, v in as_fields(self).items() if k != "workers"})
+
+    @property
+    def pieces_in_words(self) -> str:
+        """How many pieces the scenes have: ``4``, or ``4 to 6``."""
+        return str(self.pieces) if self.most_pieces is None else f"{self.pieces} to {self.most_pieces}"
 
     @property
     def part_names(self) -> tuple[str, ...]:
@@ -181,11 +194,12 @@ class SweepConfig:
 
         The variants of a scene share its seed, so that nothing but what is varied tells them apart.
         """
+        seed = episode_seed(self.seed, kind, scene)
         return EpisodeConfig(
             parts=tuple(kind.split("+")),
-            pieces=self.pieces,
+            pieces=self.pieces if self.most_pieces is None else drawn_pieces(seed, self.pieces, self.most_pieces),
             scene=scene,
-            seed=episode_seed(self.seed, kind, scene),
+            seed=seed,
             sensor=self.sensor,
             localizer=self.localizer,
             views=self.views,
@@ -216,6 +230,13 @@ def episode_seed(sweep_seed: int, kind: str, scene: int) -> int:
 
     entropy = SeedSequence((sweep_seed, zlib.crc32(kind.encode()), scene))
     return int(entropy.generate_state(1)[0])
+
+
+def drawn_pieces(seed: int, fewest: int, most: int) -> int:
+    """How many pieces a scene of this seed has, every number from the fewest to the most being as likely."""
+    from numpy.random import default_rng  # see episode_seed
+
+    return int(default_rng((seed, fewest, most)).integers(fewest, most, endpoint=True))
 
 
 def preset(name: str, **changes: Any) -> SweepConfig:
@@ -259,18 +280,25 @@ def _check_common(config: EpisodeConfig | SweepConfig) -> None:
         raise InputError("task", got=config.task, expected=" or ".join(TASKS))
 
 
-_TABLE_1 = SweepConfig(parts=("hub", "cover1", "cover2"), workers=os.cpu_count() or 1)
+def _like_table1(name: str, **changes: Any) -> SweepConfig:
+    """The paper's experiment with changes, on the seeds that are registered for ``name``."""
+    table1 = SweepConfig(parts=("hub", "cover1", "cover2"), pieces=4, most_pieces=6, workers=os.cpu_count() or 1)
+    return replace(table1, seed=SCENES[name].start, **changes)
+
+
 PRESETS: dict[str, SweepConfig] = {
-    "table1": _TABLE_1,
-    "smoke": replace(_TABLE_1, scenes=2),
-    "calibration": replace(
-        _TABLE_1,
+    "table1": _like_table1("table1"),
+    "smoke": _like_table1("smoke", scenes=2),
+    "heap": _like_table1("heap", pieces=8, most_pieces=12),
+    "shopfloor": _like_table1("shopfloor", scenes=10, sensor="shopfloor", task="none"),
+    "calibration": _like_table1(
+        "calibration",
         scenes=10,
         task="none",
         variants=tuple(Variant(hand_eye_mm=error) for error in (0.0, 0.25, 0.5, 1.0, 1.5, 2.0)),
     ),
-    "teaching": replace(
-        _TABLE_1,
+    "teaching": _like_table1(
+        "teaching",
         scenes=5,
         task="none",
         variants=tuple(

@@ -1,7 +1,8 @@
 """Writes the measured figures into the documents: `python -m docs.fill --table1 results/table1 ...`.
 
-Each option names a finished sweep and rewrites what stands between the markers that belong to it, `<!-- name -->` and
-`<!-- /name -->`; what is not named stays as it is. The studies' figures in docs/images are drawn again too.
+Each option names a record (a finished sweep, or a file), keeps it in docs/records, and rewrites what stands between
+the markers that belong to it, `<!-- name -->` and `<!-- /name -->`; what is not named stays as it is. The studies'
+figures in docs/images are drawn again too.
 """
 
 from __future__ import annotations
@@ -9,26 +10,35 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE
-from benchmark.records.store import read_config, read_records
-from benchmark.report.circle_errors import study_circles
-from benchmark.report.extractors_render import made_good_grids, margin_grids
-from benchmark.report.grid import NOTHING, Grid, grids_as_markdown, part_title, plus_minus, rate_text
+from benchmark.config import SweepConfig
+from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary
+from benchmark.report.extractors_text import margin_grids, recovered_grids
+from benchmark.report.grid import (
+    NOTHING,
+    Grid,
+    grids_as_markdown,
+    median,
+    part_title,
+    plus_minus,
+    rate_text,
+    share_text,
+)
 from benchmark.report.rate import Rate
-from benchmark.report.render import coverage_grid
-from benchmark.report.study import build_study
+from benchmark.report.study import Study
 from benchmark.report.study_figures import save_study_figures
-from benchmark.report.study_render import study_as_markdown
-from benchmark.report.tables import AccuracyRow, Table, build_table
-from benchmark.study.taught_models import refusals
+from benchmark.report.study_text import study_as_markdown
+from benchmark.report.table_text import coverage_grid
+from benchmark.report.tables import AccuracyRow, Table
+from docs.records import RECORDS, ROOT, detector_block, keep, studied, swept, timing_block
 from vision.errors import FocalpickError, InputError
 
-ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
 ACCURACY = ROOT / "docs" / "accuracy.md"
 TUNING = ROOT / "docs" / "tuning.md"
+TUNED = ("ellipse_score", "edge_sigmas", "confirmation", "pose_probability")
 IMAGES = ROOT / "docs" / "images"
 
 PICTURES = {
@@ -52,126 +62,134 @@ def between_markers(document: str, name: str, text: str) -> str:
     return f"{before}{first}{text.strip()}\n{last}{after}"
 
 
-def table1_block(table: Table, scenes: int, pieces: int, sensor: str) -> str:
+def table1_block(config: SweepConfig, table: Table) -> str:
     """What the README says first: Table 1, and both extractors together against region growing alone."""
-    scope = f"Table 1, {scenes} scenes of {pieces} pieces for each part, sensor `{sensor}`"
+    scope = (
+        f"Table 1, {config.scenes} scenes of {config.pieces_in_words} pieces for each part, sensor `{config.sensor}`"
+    )
     blocks = [
         f"{scope} (mean ± standard deviation over the matched pieces at least {_share(BARELY_VISIBLE)}\nvisible):",
         _untitled(_published(table)),
-        'Both extractors together ("dual", the paper\'s system) against region growing alone (its predecessor):',
-        _untitled(_dual(table)),
+        "Both extractors together (`focal`) against region growing alone (`focal-region`):",
+        _untitled(_focal(table)),
         "In brackets: 95 % Wilson interval. The records are in `results/table1`; `focalpick table results/table1` "
         "prints all of it.",
     ]
     return "\n\n".join(blocks)
 
 
-def sensor_block(table: Table, scenes: int, pieces: int, sensor: str) -> str:
-    """The figures of the dual localizer with one sensor."""
+def sensor_block(config: SweepConfig, table: Table) -> str:
+    """The figures of the focal localizer with one sensor."""
     rows = []
     for part in table.parts:
-        half, any_ = (table.find_success(part, "dual", "matching", at).rate for at in (HALF_VISIBLE, BARELY_VISIBLE))
-        row = table.find_accuracy(part, "dual", BARELY_VISIBLE)
-        errors = [plus_minus(row.errors[name], 2) for name in ("translation_mm", "tilt_deg", "inplane_deg")]
-        rows.append((part_title(part), _of(half), _of(any_), *errors, _of(row.coverage)))
+        half, any_ = (table.find_success(part, "focal", "matching", at).rate for at in (HALF_VISIBLE, BARELY_VISIBLE))
+        row = table.find_accuracy(part, "focal", BARELY_VISIBLE)
+        errors = [
+            text(row.errors[name], 2)
+            for name in ("translation_mm", "tilt_deg", "inplane_deg")
+            for text in (plus_minus, median)
+        ]
+        false_poses = share_text(table.find_false_poses(part, "focal"))
+        rows.append((part_title(part), _of(half), _of(any_), false_poses, *errors, _of(row.coverage)))
     grid = Grid(
-        title=f"Sensor {sensor}: matching, pose error and covariance of dual",
+        title=f"Sensor {config.sensor}: matching, pose error and covariance of focal",
         columns=(
             "Object",
             f"matched, ≥ {HALF_VISIBLE:.0%} visible",
             f"matched, ≥ {BARELY_VISIBLE:.0%} visible",
+            "false poses",
             "Translation (mm)",
+            "median",
             "Tilt (°)",
+            "median",
             "In-plane (°)",
+            "median",
             "inside the 95% ellipsoid",
         ),
         rows=tuple(rows),
         note="In brackets: 95 % Wilson interval. Errors and ellipsoids are those of matched pieces at least\n"
         f"{BARELY_VISIBLE:.0%} visible.",
     )
-    return f"Measured, {scenes} scenes of {pieces} pieces a part:\n\n{grids_as_markdown([grid], ())}"
+    return f"{_measured(config)}\n\n{grids_as_markdown([grid], ())}"
 
 
-def study_block(directory: Path, picture: str) -> str:
-    """The tables of a study, above its picture, which is drawn anew into docs/images."""
-    config = read_config(directory)
-    study = build_study(config, read_records(directory), refusals(directory), study_circles(config, directory))
-    for table in study.tables.values():
-        _check_complete(table, directory)
+def study_block(study: Study, picture: str) -> str:
+    """The tables of a study, above its picture."""
+    return f"{_measured(study.config)}\n\n{study_as_markdown(study)}\n![{PICTURES[picture]}](images/{picture})"
+
+
+def draw_study(study: Study, picture: str) -> None:
+    """Draw the picture of a study anew into docs/images."""
     with tempfile.TemporaryDirectory() as drawn:
         (path,) = save_study_figures(study, Path(drawn))
         (IMAGES / picture).write_bytes(path.read_bytes())
-    head = f"Measured, {config.scenes} scenes of {config.pieces} pieces a part:"
-    return f"{head}\n\n{study_as_markdown(study)}\n![{PICTURES[picture]}](images/{picture})"
 
 
-def fill_table1(directory: Path) -> None:
-    """All that comes from the benchmark's main sweep."""
-    config, table = read_config(directory), _table(directory)
-    measured = "Measured (`results/table1`):\n\n{}".format
-    _put(README, "table1", table1_block(table, config.scenes, config.pieces, config.sensor))
-    _put(ACCURACY, "margins", measured(grids_as_markdown(margin_grids(table.margins), ())))
-    _put(ACCURACY, "made-good", measured(grids_as_markdown(made_good_grids(table.made_good), ())))
-    _put(ACCURACY, "coverage", measured(grids_as_markdown([coverage_grid(table)], ())))
+@dataclass(frozen=True)
+class Block:
+    """What stands between two markers of a document.
+
+    Attributes:
+        name: of the markers.
+        document: in which they are.
+        record: key of ``docs.records.RECORDS``: where the figures come from.
+        text: makes the block from the record's path, and from nothing else.
+    """
+
+    name: str
+    document: Path
+    record: str
+    text: Callable[[Path], str]
 
 
-def fill_shopfloor(directory: Path) -> None:
-    """The same figures with the sensor of a shop floor."""
-    config = read_config(directory)
-    _put(ACCURACY, "shopfloor", sensor_block(_table(directory), config.scenes, config.pieces, config.sensor))
+def _of_table1(grids: Callable[[Table], list[Grid]]) -> Callable[[Path], str]:
+    return lambda path: f"Measured (`results/table1`):\n\n{grids_as_markdown(grids(swept(path)[1]), ())}"
 
 
-def fill_calibration(directory: Path) -> None:
-    """The study of the hand-eye error."""
-    _put(ACCURACY, "calibration", study_block(directory, "calibration.png"))
+BLOCKS = (
+    Block("table1", README, "table1", lambda path: table1_block(*swept(path))),
+    Block("margins", ACCURACY, "table1", _of_table1(lambda table: margin_grids(table.margins))),
+    Block("made-good", ACCURACY, "table1", _of_table1(lambda table: recovered_grids(table.recovered))),
+    Block("coverage", ACCURACY, "table1", _of_table1(lambda table: [coverage_grid(table)])),
+    Block("shopfloor", ACCURACY, "shopfloor", lambda path: sensor_block(*swept(path))),
+    Block("calibration", ACCURACY, "calibration", lambda path: study_block(studied(path), "calibration.png")),
+    Block("teaching", ACCURACY, "teaching", lambda path: study_block(studied(path), "teaching-study.png")),
+    Block("detector", ACCURACY, "detector", detector_block),
+    Block("timing", ACCURACY, "timing", timing_block),
+)
+STUDIES = {"calibration": "calibration.png", "teaching": "teaching-study.png"}
+NOT_MEASURED = "Not measured with this version yet."
+"""Stands in a block without records: no figure without them."""
 
 
-def fill_teaching(directory: Path) -> None:
-    """The study of the clicks."""
-    _put(ACCURACY, "teaching", study_block(directory, "teaching-study.png"))
-
-
-def fill_timing(file: Path) -> None:
-    """What `python -m benchmark.timing.vision_step --format md` printed."""
-    _put(ACCURACY, "timing", f"Measured:\n\n{file.read_text(encoding='utf-8')}")
+def fill(record: str, source: Path) -> None:
+    """Keep a record and write what comes from it into the documents."""
+    keep(record, source)
+    if record in STUDIES:
+        draw_study(studied(RECORDS[record]), STUDIES[record])
+    for block in BLOCKS:
+        if block.record == record:
+            _put(block.document, block.name, block.text(RECORDS[record]))
 
 
 def fill_tuning(directory: Path) -> None:
     """What the scripts of `benchmark/tuning` printed with `--format md`: NAME.md for each of them."""
-    for name in ("ellipse_score", "edge_sigmas", "confirmation"):
+    for name in TUNED:
         _put(TUNING, name, f"Measured:\n\n{(directory / f'{name}.md').read_text(encoding='utf-8')}")
 
 
-FILLS: dict[str, Callable[[Path], None]] = {
-    "table1": fill_table1,
-    "shopfloor": fill_shopfloor,
-    "calibration": fill_calibration,
-    "teaching": fill_teaching,
-    "timing": fill_timing,
-    "tuning": fill_tuning,
-}
-
-
-def _table(directory: Path) -> Table:
-    table = build_table(read_config(directory), read_records(directory))
-    _check_complete(table, directory)
-    return table
-
-
-def _check_complete(table: Table, directory: Path) -> None:
-    """A document is no place for provisional figures."""
-    if table.recorded < table.planned or table.failed:
-        got = f"{table.recorded} of {table.planned} episodes, {len(table.failed)} of them failed"
-        raise InputError(f"sweep {directory}", got=got, expected="all of them")
+def _measured(config: SweepConfig) -> str:
+    return f"Measured, {config.scenes} scenes of {config.pieces_in_words} pieces a part:"
 
 
 def _published(table: Table) -> Grid:
     rows, last = [], None
     for row in table.table1:
         label = "" if row.part == last else SIZED.get(row.part, row.part)
-        rows.append((label, f"{row.method}-match", str(row.n), *_beside_published(row)))
+        rows.append((label, f"{row.method.removeprefix('focal-')}-match", str(row.n), *_beside_published(row)))
         last = row.part
-    columns = ("Object", "Extractor", "n", "Translation (mm)", "published", "Rotation (°)", "published")
+    errors = ("Translation (mm)", "median", "published", "Rotation (°)", "median", "published")
+    columns = ("Object", "Extractor", "n", *errors)
     return Grid("", columns, tuple(rows))
 
 
@@ -182,34 +200,37 @@ def _beside_published(row: AccuracyRow) -> list[str]:
         if row.published is not None:
             mean, spread = (getattr(row.published, f"{quantity}_{name}") for name in ("mean", "std"))
             published = f"{mean} ± {spread}"
-        cells += [plus_minus(row.errors[quantity], 2), published]
+        cells += [plus_minus(row.errors[quantity], 2), median(row.errors[quantity], 2), published]
     return cells
 
 
-def _dual(table: Table) -> Grid:
+def _focal(table: Table) -> Grid:
     rows = []
     for part in table.parts:
-        dual, region = (table.find_success(part, m, "matching", HALF_VISIBLE) for m in ("dual", "region"))
-        errors = table.find_accuracy(part, "dual", BARELY_VISIBLE).errors
+        focal, region = (table.find_success(part, m, "matching", HALF_VISIBLE) for m in ("focal", "focal-region"))
+        errors = table.find_accuracy(part, "focal", BARELY_VISIBLE).errors
         picks = table.picks[part]
         rows.append(
             (
                 SIZED.get(part, part),
-                _percent(dual.rate),
+                _percent(focal.rate),
                 _percent(region.rate),
-                _percent(table.find_success(part, "dual", "matching", BARELY_VISIBLE).rate),
-                NOTHING if dual.published is None else _share(dual.published),
-                f"{errors['translation_mm'].mean:.2f} mm, {errors['tilt_deg'].mean:.2f}°",
+                _percent(table.find_success(part, "focal", "matching", BARELY_VISIBLE).rate),
+                NOTHING if focal.published is None else _share(focal.published),
+                share_text(table.find_false_poses(part, "focal")),
+                *(f"{text(errors['translation_mm'])} mm, {text(errors['tilt_deg'])}°" for text in (_mean, _median)),
                 f"{picks.successes} of {picks.n}",
             )
         )
     columns = (
         "Object",
-        "matched, dual, ≥ 50 % visible",
+        "matched, focal, ≥ 50 % visible",
         "region growing alone",
-        "dual, ≥ 10 % visible",
+        "focal, ≥ 10 % visible",
         "published, all pieces",
-        "error of the final pose",
+        "false poses",
+        "mean error of the final pose",
+        "median",
         "first picks",
     )
     return Grid("", columns, tuple(rows))
@@ -223,6 +244,14 @@ def _percent(rate: Rate) -> str:
     if rate.rate is None or rate.low is None or rate.high is None:
         return NOTHING
     return f"{_share(rate.rate)} ({100 * rate.low:.0f} to {100 * rate.high:.0f})"
+
+
+def _mean(summary: Summary) -> str:
+    return NOTHING if summary.mean is None else f"{summary.mean:.2f}"
+
+
+def _median(summary: Summary) -> str:
+    return median(summary, 2)
 
 
 def _of(rate: Rate) -> str:
@@ -241,16 +270,16 @@ def _put(path: Path, name: str, text: str) -> None:
 
 def main() -> None:
     """Fill in what the options name, from the command line."""
-    parser = argparse.ArgumentParser(description="Write measured figures into README.md and docs/accuracy.md.")
-    for name in FILLS:
-        place = "FILE" if name == "timing" else "DIR"
-        parser.add_argument(
-            f"--{name}", type=Path, metavar=place, help=(FILLS[name].__doc__ or "").partition("\n")[0]
-        )
+    parser = argparse.ArgumentParser(
+        description="Keep records in docs/records and write their figures into documents."
+    )
+    for name, path in RECORDS.items():
+        parser.add_argument(f"--{name}", type=Path, metavar="FILE" if path.suffix else "DIR")
+    parser.add_argument("--tuning", type=Path, metavar="DIR", help=(fill_tuning.__doc__ or "").partition("\n")[0])
     for name, source in vars(parser.parse_args()).items():
         if source is not None:
             try:
-                FILLS[name](source)
+                fill_tuning(source) if name == "tuning" else fill(name, source)
             except FocalpickError as error:
                 raise SystemExit(str(error)) from None
 

@@ -155,7 +155,7 @@ def test_the_librarys_examples_find_the_four_pieces(monkeypatch, capsys, pieces)
     sigma_m = [np.sqrt(np.diag(estimate.covariance)[:3]).max() for estimate in names["found"].estimates]
     assert max(sigma_m) < 0.1e-3
     assert capsys.readouterr().out.count("cover2: (") == 4
-    assert names["region_growing_alone"].name == "region"
+    assert names["region_growing_alone"].name == "focal-region"
     assert {feature.extractor for feature in names["rims"]} == {"region"}
     assert len(names["large"]) >= 1
     assert len(names["grouping"].features) >= 10
@@ -207,7 +207,7 @@ def own_localizer(tmp_path, monkeypatch):
 def test_readme_localizer_hands_on_what_the_papers_system_is_most_sure_of(own_localizer):
     models = [load_model("cover2")]
     views = vision.load_views(ROOT / "docs/images/three_views")
-    everything = make_localizer("dual", models, tuple).localize(views).estimates
+    everything = make_localizer("focal", models, tuple).localize(views).estimates
     (only,) = make_localizer(own_localizer, models, tuple).localize(views).estimates
     assert len(everything) == 4
     assert only.score == max(estimate.score for estimate in everything)

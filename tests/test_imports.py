@@ -31,6 +31,7 @@ ROOMS: dict[str, set[str]] = {
     "matching": {"geometry", "edges", "extraction", "model", "pose"},
     "drawing": {"geometry", "edges", "regions", "grouping", "extraction", "model", "pose"},
     "localizer": {"geometry", "edges", "regions", "extraction", "model", "pose", "matching"},
+    "paper": {"geometry", "edges", "regions", "grouping", "model", "pose", "matching", "localizer"},
 }
 """What each room of `vision` may import besides itself and what anyone may: lower rooms come first."""
 BENCHMARK_ANYONE = {"config", "strict_json", "child_process", "seeds"}
@@ -49,7 +50,7 @@ BENCHMARK_ROOMS: dict[str, set[str]] = {
     "episodes": {"meshes", "world", "models", "localizers", "records", "study", "tasks"},
     "report": {"meshes", "world", "models", "localizers", "records", "study", "tasks", "episodes"},
     "lessons": {"meshes", "world", "localizers", "records", "tasks", "episodes"},
-    "detector": {"meshes", "world", "report"},
+    "detector": {"meshes", "world", "records", "report"},
 }
 """The same for `benchmark`; its commands, timing and tuning may import any room."""
 SCENE = "benchmark/world/scene.py"

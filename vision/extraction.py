@@ -142,9 +142,10 @@ class Arc:
 
 def arcs_of(grouping: Grouping, shortest_px: float) -> list[Arc]:
     """The longest smooth convex fragments that edge grouping found, longest first."""
-    long = [f for f in grouping.fragments if len(f.points) >= shortest_px]
-    long.sort(key=lambda f: -len(f.points))
-    return [Arc(f.points, f.gradients if f.inside_brighter else -f.gradients) for f in long[:MOST_ARCS]]
+    points = grouping.table.stop - grouping.table.start
+    longest = np.argsort(-points, kind="stable")[:MOST_ARCS]
+    long = [grouping.table.fragment(int(k), grouping.edges) for k in longest if points[k] >= shortest_px]
+    return [Arc(f.points, f.gradients if f.inside_brighter else -f.gradients) for f in long]
 
 
 MOST_ARCS = 60

@@ -7,6 +7,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+_HOLDERS = (np.ndarray, tuple, dict)
+
 T = TypeVar("T")
 Class = TypeVar("Class", bound=type)
 
@@ -21,7 +23,7 @@ def read_only(value: T) -> T:
     if isinstance(value, np.ndarray):
         if value.flags.writeable:
             frozen = value.view()
-            frozen.flags.writeable = False
+            frozen.setflags(write=False)
     elif isinstance(value, tuple):
         frozen = type(value)._make(map(read_only, value)) if hasattr(value, "_make") else tuple(map(read_only, value))
     elif isinstance(value, dict):
@@ -53,4 +55,5 @@ def _fields(self: Any) -> dict[str, Any]:
 
 
 def _restore(self: Any, state: dict[str, Any]) -> None:
-    vars(self).update({name: read_only(value) for name, value in state.items()})
+    # Values are made by the thousand: numbers and texts are not worth a call.
+    vars(self).update({name: read_only(v) if isinstance(v, _HOLDERS) else v for name, v in state.items()})

@@ -22,8 +22,24 @@ from vision.regions.attributes import AttributeConstraints
 
 T = TypeVar("T")
 
-PRESETS: dict[str, tuple[Extractor, ...]] = {"dual": ("region", "group"), "region": ("region",), "group": ("group",)}
-"""The paper's system, its predecessor [18], and edge grouping alone: which extractors each has."""
+PRESETS: dict[str, tuple[Extractor, ...]] = {
+    "focal": ("region", "group"),
+    "focal-region": ("region",),
+    "focal-group": ("group",),
+}
+"""This project's localizer with both extractors, and with each alone."""
+RENAMED = {"dual": "focal", "region": "focal-region", "group": "focal-group"}
+"""What localizers were called once, and are called now."""
+
+
+def refuse_old_name(name: str) -> None:
+    """Say what a localizer is called now.
+
+    Raises:
+        InputError: for a name of older versions.
+    """
+    if name in RENAMED:
+        raise InputError("localizer", got=name, expected=RENAMED[name], do=f"It is called {RENAMED[name]} now.")
 
 
 def extractors_of(choice: str | Sequence[str]) -> tuple[Extractor, ...]:
@@ -32,6 +48,8 @@ def extractors_of(choice: str | Sequence[str]) -> tuple[Extractor, ...]:
     Raises:
         InputError: when there is no such preset or extractor, or none is named.
     """
+    if isinstance(choice, str):
+        refuse_old_name(choice)
     named = PRESETS.get(choice, ()) if isinstance(choice, str) else tuple(choice)
     known: tuple[Extractor, ...] = get_args(Extractor)
     if not named or not all(name in known for name in named):
@@ -129,10 +147,10 @@ class Localizer(Protocol):
 
 
 class EllipseLocalizer:
-    """The paper's system: two extractors, two-phase matching, pose from all views.
+    """This project's localizer: two extractors, two-phase matching on the edges of all views, pose from all views.
 
-    ``extractors`` chooses the extractors: both ("dual"), or region growing alone, as in the predecessor system [18],
-    or edge grouping alone.
+    ``extractors`` chooses the extractors: both ("focal"), region growing alone ("focal-region") or edge grouping
+    alone ("focal-group").
 
     Attributes:
         models: the taught parts.
@@ -143,14 +161,15 @@ class EllipseLocalizer:
     def __init__(
         self,
         models: Sequence[VisionModel],
-        extractors: str | Sequence[Extractor] = "dual",
+        extractors: str | Sequence[Extractor] = "focal",
         parameters: MatchingParameters | None = None,
     ) -> None:
         """Prepare.
 
         Args:
             models: the taught parts to look for.
-            extractors: "dual", "region" or "group", or the extractors to use: of "region" and "group", at least one.
+            extractors: "focal", "focal-region" or "focal-group", or a tuple with the extractors to use: of "region"
+                and "group", at least one.
             parameters: settings of the matching.
 
         Raises:
@@ -162,8 +181,8 @@ class EllipseLocalizer:
 
     @property
     def name(self) -> str:
-        """Dual, region or group."""
-        return "dual" if len(self.extractors) > 1 else self.extractors[0]
+        """Focal, focal-region or focal-group."""
+        return next(name for name, extractors in PRESETS.items() if extractors == self.extractors)
 
     def localize(self, views: Sequence[View], workspace: Workspace | None = None) -> Localization:
         """See :meth:`Localizer.localize`.
@@ -182,7 +201,7 @@ class EllipseLocalizer:
     def alone(
         self, views: Sequence[View], localization: Localization, workspace: Workspace | None = None
     ) -> dict[str, tuple[PoseEstimate, ...]]:
-        """What each extractor would have said without the other, from the ellipses of a localization.
+        """What the localizer with one extractor would have said, by its name, from the ellipses of a localization.
 
         One extractor's poses are refined on its own ellipses, as in the predecessor system [18].
 
@@ -192,12 +211,12 @@ class EllipseLocalizer:
             workspace: that of the localization.
         """
         if len(self.extractors) == 1 or not views:
-            return dict.fromkeys(self.extractors, localization.estimates)
+            return dict.fromkeys([f"focal-{extractor}" for extractor in self.extractors], localization.estimates)
         flat = [v.undistorted() for v in views]
         answers: dict[str, tuple[PoseEstimate, ...]] = {}
         for extractor in self.extractors:
             mine = [[f for f in found if f.extractor == extractor] for found in localization.features]
-            answers[extractor] = self._match(flat, mine, (), workspace, joint_edges=False)
+            answers[f"focal-{extractor}"] = self._match(flat, mine, (), workspace, joint_edges=False)
         return answers
 
     def features_and_arcs(self, view: View, workspace: Workspace | None) -> tuple[list[EllipseFeature], list[Arc]]:

@@ -24,7 +24,7 @@ def check(
 
     Args:
         directory: what focalpick sweep wrote with --out.
-        thresholds: with sections such as [dual.hub] and [picks.hub]; examples in benchmark/thresholds.
+        thresholds: with sections such as [focal.hub] and [picks.hub]; examples in benchmark/thresholds.
     """
     from benchmark.records.store import read_config, read_records
     from benchmark.report.gate import check as judge

@@ -30,6 +30,8 @@ PartNames = Annotated[
     str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint=_PRESET, aliases=["--part"])
 ]  # sweep takes several, run takes one: the same word shall do
 OptionalPath = Annotated[Path | None, tyro.conf.arg(metavar="PATH", help_behavior_hint=_LEFT_OUT)]
+PresetPieces = Annotated[str | None, tyro.conf.arg(metavar="N", help_behavior_hint=_PRESET)]
+Pieces = Annotated[str, tyro.conf.arg(metavar="N")]
 Name = Annotated[str, tyro.conf.arg(metavar="NAME")]
 Number = Annotated[int, tyro.conf.arg(metavar="N")]
 Seconds = Annotated[float, tyro.conf.arg(metavar="SECONDS")]
@@ -69,6 +71,23 @@ def split_parts(text: str | None) -> tuple[str, ...] | None:
         elif name not in PART_NAMES:
             raise unknown_part(name, got=name or "nothing")
     return kinds
+
+
+def fewest_and_most(pieces: str) -> tuple[int, int]:
+    """``"4-6"`` as (4, 6), ``"5"`` as (5, 5).
+
+    Raises:
+        InputError: it is neither.
+    """
+    from benchmark.config import MOST_PIECES
+
+    match = re.fullmatch(r"(\d{1,9})(?:-(\d{1,9}))?", pieces.strip(), flags=re.ASCII)
+    fewest, most = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)
+    if not 1 <= fewest <= most <= MOST_PIECES:
+        raise InputError(
+            "pieces", got=pieces, expected=f"a number from 1 to {MOST_PIECES}, or two of them such as 4-6"
+        )
+    return fewest, most
 
 
 def _check_no_file_is_cut(text: str) -> None:

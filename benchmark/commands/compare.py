@@ -33,7 +33,7 @@ def compare(
     """
     from benchmark.records.store import read_records
     from benchmark.report.comparison import compare as measure
-    from benchmark.report.comparison_render import comparison_grids
+    from benchmark.report.comparison_text import comparison_grids
     from benchmark.report.grid import print_grids
 
     if not 0 <= may_differ <= 1:

@@ -34,7 +34,7 @@ def localize(
         tuple[float, float, float, float, float, float] | None,
         tyro.conf.arg(metavar="X0 Y0 Z0 X1 Y1 Z1", help_behavior_hint="(optional)"),
     ] = None,
-    localizer: Name = "dual",
+    localizer: Name = "focal",
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(optional)")] = None,
     format: Literal["table", "json"] = "table",
 ) -> int:
@@ -51,7 +51,7 @@ def localize(
         part: hub, cover1 or cover2, whose models are shipped; several with commas.
         model: files of models that you taught.
         workspace: two corners of the box in which parts can be, in metres, in the world frame.
-        localizer: what finds the poses: dual, region, group, or module:name of your own.
+        localizer: finds the poses: focal, focal-region, focal-group, paper, previous, or module:name of your own.
         out: directory in which to draw the poses over the pictures; made where it is missing.
         format: table for the terminal, json for programs, in metres and radians and with the whole covariance.
     """
@@ -63,7 +63,9 @@ def localize(
     box = None if workspace is None else _box(workspace)
     if localizer == "oracle":
         raise InputError(
-            "localizer", got="oracle", expected="one that needs no truth: dual, region, group, or your own"
+            "localizer",
+            got="oracle",
+            expected="one that needs no truth: focal, focal-region, focal-group, paper, previous, or your own",
         )
     finder = make_localizer(localizer, models, tuple)
     pictures = load_views(views)
@@ -148,6 +150,7 @@ def _as_json(estimate: PoseEstimate) -> dict[str, object]:
         "T_world_part": estimate.T_world_part.as_matrix().tolist(),
         "covariance": estimate.covariance.tolist(),
         "score": float(estimate.score),
+        "probability": estimate.probability,
         "process": estimate.extractor,
         "residual_px": float(estimate.residual_px),
         "views": int(estimate.views),

@@ -25,7 +25,7 @@ def show(
         out: PNG in which to draw the model from the front and from the side.
     """
     kernel_cache.require()
-    from benchmark.report.model_render import print_model
+    from benchmark.report.model_text import print_model
 
     model = named_model(file)
     print_model(model, results_console())

@@ -8,7 +8,9 @@ from benchmark.commands.common import (
     Name,
     Number,
     OptionalPath,
+    Pieces,
     check_localizer,
+    fewest_and_most,
     prepare_process,
     print_line,
     results_console,
@@ -20,9 +22,9 @@ def run(
     part: Name = "hub",
     seed: Number = 0,
     scene: Number = 0,
-    pieces: Number = 4,
+    pieces: Pieces = "4-6",
     sensor: Name = "lab",
-    localizer: Name = "dual",
+    localizer: Name = "focal",
     views: Number = 3,
     task: Name = "pick",
     models: OptionalPath = None,
@@ -39,9 +41,9 @@ def run(
         part: hub, cover1, cover2, or a mesh file of your own (pulley.obj in metres, pulley.stl:mm); + mixes.
         seed: of the sweep that the episode belongs to, or any whole number.
         scene: number of the scene within the sweep, from 0.
-        pieces: pieces dropped into the bin; the paper has 4 to 6.
+        pieces: pieces dropped into the bin; 4-6, as in the paper, draws the number from the seed.
         sensor: what the camera adds to the image: ideal, lab or shopfloor.
-        localizer: what finds the poses: dual, region, group, oracle, or module:name of your own.
+        localizer: finds the poses: focal, focal-region, focal-group, paper, previous, oracle, or module:name.
         views: number of viewpoints, 2 or 3.
         task: pick, or none to stop when the poses are found.
         models: directory of taught models, each named after its part: pulley.json for pulley.obj. They come before
@@ -52,16 +54,18 @@ def run(
     from benchmark.config import PRESETS, SweepConfig
 
     kinds = split_parts(part) or PRESETS["table1"].parts
+    fewest, most = fewest_and_most(pieces)
     sweep = SweepConfig(
         kinds,
         scene + 1,
-        pieces,
+        fewest,
         sensor,
         localizer,
         views,
         seed,
         task,  # type: ignore[arg-type]
         models=None if models is None else str(models),
+        most_pieces=most,
     )
     config = sweep.episode(kinds[0], scene)
     if rrd is not None:

@@ -13,8 +13,10 @@ from benchmark.commands.common import (
     PartNames,
     PresetName,
     PresetNumber,
+    PresetPieces,
     Seconds,
     check_localizer,
+    fewest_and_most,
     prepare_process,
     print_line,
     split_parts,
@@ -33,7 +35,7 @@ def sweep(
     preset: Name = "table1",
     parts: PartNames = None,
     scenes: PresetNumber = None,
-    pieces: PresetNumber = None,
+    pieces: PresetPieces = None,
     sensor: PresetName = None,
     localizer: PresetName = None,
     views: PresetNumber = None,
@@ -55,15 +57,16 @@ def sweep(
     Example: focalpick sweep --parts hub,cover2 --scenes 5 --out results/mine
 
     Args:
-        preset: table1 (35 scenes of each part, the paper's experiment) or smoke (2 of each); calibration (every scene
-            again for hand-eye errors from 0 to 2 mm) or teaching (again with models taught by clicks that err by 0 to
-            5 pixels in 2 to 5 views).
+        preset: table1 (35 scenes of each part, the paper's experiment) or smoke (2 of each); heap (8 to 12 pieces in
+            the same bin); shopfloor (10 scenes with the sensor of that name); calibration (every scene again for
+            hand-eye errors from 0 to 2 mm) or teaching (again with models taught by clicks that err by 0 to 5 pixels
+            in 2 to 5 views). Each has its own seeds.
         parts: hub (brake hub, 240 mm), cover1, cover2 (alternator covers, 30 and 65 mm), or mesh files of your own
             (pulley.obj in metres, pulley.stl:mm); with commas; + mixes.
         scenes: number of scenes of each part.
-        pieces: pieces dropped into each scene; the paper has 4 to 6.
+        pieces: pieces dropped into each scene; 4-6, as in the paper, draws each scene's number from its seed.
         sensor: what the camera adds: ideal (nothing), lab (noise, blur, changing light), shopfloor (more, and dirt).
-        localizer: finds the poses: dual (the paper's), region or group (half of it), oracle (true), or module:name.
+        localizer: finds the poses: focal, focal-region, focal-group, paper, previous, oracle, or module:name.
         views: number of viewpoints, 2 or 3.
         task: pick, or none to stop when the poses are found.
         workers: processes that run side by side, one for each core in the presets.
@@ -81,11 +84,13 @@ def sweep(
 
     if not 0 <= episode_limit < math.inf:
         raise InputError("episode-limit", got=episode_limit, expected="a number of seconds, or 0 for no limit")
+    fewest, most = (None, None) if pieces is None else fewest_and_most(pieces)
     config = make_config(
         preset,
         parts=split_parts(parts),
         scenes=scenes,
-        pieces=pieces,
+        pieces=fewest,
+        most_pieces=most,
         sensor=sensor,
         localizer=localizer,
         views=views,

@@ -65,7 +65,7 @@ class _Shown:
 
 
 def _table(config: SweepConfig, records: list[EpisodeRecord]) -> _Shown:
-    from benchmark.report import render
+    from benchmark.report import table_text
     from benchmark.report.tables import build_table, to_dict
 
     result = build_table(config, records)
@@ -76,17 +76,20 @@ def _table(config: SweepConfig, records: list[EpisodeRecord]) -> _Shown:
         return save_figures(result, records, directory)
 
     return _Shown(
-        partial(to_dict, result), partial(render.as_markdown, result), partial(render.print_table, result), draw
+        partial(to_dict, result),
+        partial(table_text.as_markdown, result),
+        partial(table_text.print_table, result),
+        draw,
     )
 
 
 def _study(config: SweepConfig, records: list[EpisodeRecord], directory: Path) -> _Shown:
-    from benchmark.report import study_render
-    from benchmark.report.circle_errors import study_circles
+    from benchmark.report import study_text
+    from benchmark.report.circle_errors import read_taught
     from benchmark.report.study import build_study, study_to_dict
-    from benchmark.study.taught_models import refusals
 
-    study = build_study(config, records, refusals(directory), study_circles(config, directory))
+    taught = read_taught(config, directory)
+    study = build_study(config, records, taught.refused, taught.errors(config))
 
     def draw(directory: Path) -> list[Path]:
         from benchmark.report.study_figures import save_study_figures  # matplotlib is slow to import
@@ -95,7 +98,7 @@ def _study(config: SweepConfig, records: list[EpisodeRecord], directory: Path) -
 
     return _Shown(
         partial(study_to_dict, study),
-        partial(study_render.study_as_markdown, study),
-        partial(study_render.print_study, study),
+        partial(study_text.study_as_markdown, study),
+        partial(study_text.print_study, study),
         draw,
     )

@@ -1,17 +1,19 @@
 """Precision, recall, F and time of ``vision.detect_ellipses`` on drawn and rendered images.
 
 Usage: ``python -m benchmark.detector.evaluate [--split tune|test] [--number N] [--only CATEGORY ...]
-[--against NAME ...]``. One-to-one matching, a pair counts where the filled ellipses overlap by more than 0.8
-(intersection over union); one thread. ``--against`` runs public detectors on the same images; see ``public.py`` for
-what they need. Without OpenGL the rendered images are left out.
+[--against NAME ...] [--out FILE]``. One-to-one matching, a pair counts where the filled ellipses overlap by more than
+0.8 (intersection over union); one thread. ``--against`` runs public detectors on the same images; see ``public.py``
+for what they need. Without OpenGL the rendered images are left out.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -20,6 +22,9 @@ from scipy.optimize import linear_sum_assignment
 
 from benchmark.detector.drawings import CATEGORIES, RENDERED, SPLITS, Drawing, draw
 from benchmark.detector.public import PUBLIC, Detector, public_detector
+from benchmark.records.environment import environment_stamp
+from benchmark.records.episode_record import SCHEMA, parse_object
+from benchmark.strict_json import decode
 from benchmark.world import gl
 from vision import detect_ellipses
 from vision.errors import ResourceError
@@ -71,6 +76,36 @@ class Tally:
         """Harmonic mean of precision and recall."""
         total = self.precision + self.recall
         return 2 * self.precision * self.recall / total if total else 0.0
+
+
+@dataclass(frozen=True)
+class DetectorRecord:
+    """An evaluation as a file keeps it.
+
+    Attributes:
+        split: of the drawings.
+        number: of drawings of each category.
+        environment: ``benchmark.records.environment.environment_stamp``.
+        tallies: by detector and category.
+    """
+
+    split: str
+    number: int
+    environment: dict[str, str]
+    tallies: dict[str, dict[str, Tally]]
+
+    @classmethod
+    def read(cls, path: Path) -> DetectorRecord:
+        """From what :meth:`write` has written.
+
+        Raises:
+            FileFormatError: it is corrupt.
+        """
+        return decode(cls, parse_object(path.read_text(encoding="utf-8"), str(path)), str(path))
+
+    def write(self, path: Path) -> None:
+        """As JSON."""
+        path.write_text(f"{json.dumps({'schema': SCHEMA, **asdict(self)}, indent=1)}\n", encoding="utf-8")
 
 
 def match(found: list[Ellipse], truths: list[Ellipse], min_overlap: float = MIN_OVERLAP) -> list[tuple[int, int]]:
@@ -136,6 +171,7 @@ def main() -> None:
     parser.add_argument("--split", choices=tuple(SPLITS), default="test", help="which drawings")
     parser.add_argument("--number", type=int, default=20, help="drawings per category")
     parser.add_argument("--only", nargs="+", choices=CATEGORIES, default=CATEGORIES, help="which categories")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the counts into this file, too")
     parser.add_argument("--against", nargs="+", choices=tuple(PUBLIC), default=[], help="public detectors to compare")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
@@ -145,6 +181,9 @@ def main() -> None:
         parser.exit(2, f"{error}\n")
     categories = drawable(arguments.only)
     tallies = evaluate(arguments.split, arguments.number, {OURS: detect_ellipses, **detectors}, categories)
+    if arguments.out is not None:
+        drawn_by = gl.drawn_by() if RENDERED in categories else {}
+        DetectorRecord(arguments.split, arguments.number, environment_stamp(drawn_by), tallies).write(arguments.out)
     for name in tallies:
         print(*([f"\n{name}"] if detectors else []), table(tallies[name]), sep="\n")
 

@@ -16,7 +16,6 @@ from scipy.ndimage import uniform_filter1d
 
 from benchmark.detector.surfaces import Texture, letters_without_rings, textured
 from vision.geometry.ellipse import Ellipse
-from vision.grouping.kalman_filter import distances
 
 Array = NDArray[np.float64]
 
@@ -86,7 +85,7 @@ class Picture:
 def distance_map(shape: tuple[int, ...], outline: Ellipse) -> Array:
     """(H, W) signed distance of every pixel to an ellipse, to first order, positive outside."""
     ys, xs = np.mgrid[0 : shape[0], 0 : shape[1]].astype(float)
-    return distances(outline.p, np.column_stack([xs.ravel(), ys.ravel()]))[0].reshape(shape)
+    return outline.distance(np.column_stack([xs.ravel(), ys.ravel()])).reshape(shape)
 
 
 def scaled(outline: Ellipse, factor: float, shift: Array | None = None) -> Ellipse:

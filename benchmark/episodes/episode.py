@@ -18,7 +18,7 @@ from benchmark.localizers.registry import make_localizer
 from benchmark.models import load_model
 from benchmark.records.environment import environment_stamp
 from benchmark.records.episode_record import AttemptRecord, EpisodeRecord
-from benchmark.study.taught_models import Untaught, taught_models
+from benchmark.study.taught_models import NothingTaught, taught_models
 from benchmark.tasks.bench import Workbench
 from benchmark.tasks.clock import Clock
 from benchmark.tasks.registry import make_task
@@ -94,7 +94,7 @@ def run_episode(
         for attempt in make_task(config.task).run(bench, cells.looks(config)):
             attempts.append(referee.attempted(attempt))
             observer.attempted(attempts[-1])
-    verdict = referee.verdict or Verdict((), {}, ())
+    verdict = referee.verdict or Verdict((), {}, {}, ())
     return EpisodeRecord(
         key=config.key,
         parts=config.parts,
@@ -105,6 +105,7 @@ def run_episode(
         pieces=verdict.pieces,
         picks=tuple(map(pick_record, attempts)) if config.task == "pick" else (),
         false_positives=verdict.false_positives,
+        false_probabilities=verdict.false_probabilities,
         timings_s=clock.wall_s,
         attempts=tuple(attempts),
         places=referee.places() if config.task != "none" else (),
@@ -128,5 +129,5 @@ def _localizer(config: EpisodeConfig, study: Path | None, truth: Truth, calibrat
         raise InputError(f"models of variant {config.variant.name}", got="none", expected=expected)
     models = taught_models(study, config.variant, config.parts)
     if not models:
-        return Untaught(config.localizer)
+        return NothingTaught(config.localizer)
     return make_localizer(config.localizer, models, truth, calibration)

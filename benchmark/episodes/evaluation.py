@@ -27,9 +27,9 @@ from benchmark.records.episode_record import LocalizerResult, PieceRecord
 from benchmark.world.parts import get_part, vertices
 from vision.features import EllipseFeature
 from vision.geometry.camera import View
-from vision.geometry.circle import project_circle
+from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse, overlap
-from vision.localizer import Localization
+from vision.localizer import PRESETS, Localization
 from vision.pose.estimate import PoseEstimate
 
 Array = NDArray[np.float64]
@@ -60,11 +60,13 @@ class Verdict:
     Attributes:
         pieces: one record for each piece.
         false_positives: by method, the number of poses that belong to no piece.
+        false_probabilities: by method, with which it says of those poses that they are right, where it says so.
         owner: for each of the localizer's estimates, the piece it belongs to or None.
     """
 
     pieces: tuple[PieceRecord, ...]
     false_positives: dict[str, int]
+    false_probabilities: dict[str, tuple[float, ...]]
     owner: tuple[int | None, ...]
 
 
@@ -88,7 +90,7 @@ def judge(
     assignments = {name: assign_estimates(estimates, pieces) for name, estimates in answers.items()}
     records = []
     for index, piece in enumerate(pieces):
-        ellipses = [_salient_ellipses(piece, view, models) for view in true_views]
+        ellipses = _salient_ellipses(piece, true_views, models)
         results = {
             name: _result(index, piece, answers[name], assignments[name], _extracted(name, ellipses, localization))
             for name in answers
@@ -99,6 +101,7 @@ def judge(
     return Verdict(
         tuple(records),
         {name: len(a.false_positives) for name, a in assignments.items()},
+        {name: _probabilities([answers[name][i] for i in a.false_positives]) for name, a in assignments.items()},
         tuple(owner.get(i) for i in range(len(localization.estimates))),
     )
 
@@ -125,18 +128,39 @@ def _result(
     errors = pose_errors(pose, truth, symmetry, _hull(piece.part))
     normalized = normalized_error(pose, estimate.covariance, truth, symmetry, inplane_known=estimate.inplane_known)
     offset = pose_offset(pose, truth, symmetry, inplane_known=estimate.inplane_known)
-    return LocalizerResult(extracted, matched=True, errors=errors, normalized=normalized, offset=offset)
+    return LocalizerResult(
+        extracted,
+        matched=True,
+        errors=errors,
+        normalized=normalized,
+        offset=offset,
+        probability=estimate.probability,
+    )
 
 
-def _extracted(name: str, ellipses: Sequence[Sequence[Ellipse]], localization: Localization) -> bool:
-    """Whether a salient ellipse of the piece was extracted in enough views; never for methods without features."""
+def _probabilities(estimates: Sequence[PoseEstimate]) -> tuple[float, ...]:
+    return tuple(estimate.probability for estimate in estimates if estimate.probability is not None)
+
+
+def _extracted(name: str, ellipses: Sequence[Sequence[Ellipse | None]], localization: Localization) -> bool:
+    """Whether a salient circle of the piece was extracted in enough views; never for methods without features.
+
+    Args:
+        name: of the method; a preset of the localizer sees what its own extractors found.
+        ellipses: of each circle the images in all views, as of ``_salient_ellipses``.
+        localization: with the features of all views.
+    """
     if not localization.features:
         return False
-    best = []
-    for expected, found in zip(ellipses, localization.features, strict=True):
-        mine = [f for f in found if name not in ("region", "group") or f.extractor == name]
-        best.append(max((_best_overlap(e, mine) for e in expected), default=0.0))
-    return is_extracted(best)
+    mine = [
+        [f for f in found if name not in PRESETS or f.extractor in PRESETS[name]] for found in localization.features
+    ]
+    return is_extracted(
+        [
+            [0.0 if image is None else _best_overlap(image, found) for image, found in zip(images, mine, strict=True)]
+            for images in ellipses
+        ]
+    )
 
 
 def _best_overlap(expected: Ellipse, found: Sequence[EllipseFeature]) -> float:
@@ -150,17 +174,16 @@ def _best_overlap(expected: Ellipse, found: Sequence[EllipseFeature]) -> float:
     return max((overlap(expected, e) for e in near), default=0.0)
 
 
-def _salient_ellipses(piece: TruePiece, view: View, models: str | None) -> list[Ellipse]:
-    """Images of the taught salient circles that face the camera, at the piece's true pose."""
-    ellipses = []
-    for feature in load_model(piece.part, models).salient:
-        circle = feature.circle.moved(piece.T_world_part)
-        towards = view.T_world_camera.translation - circle.centre
-        if circle.normal @ towards > FACING_COSINE * np.linalg.norm(towards):
-            ellipse = project_circle(circle, view)
-            if ellipse is not None:
-                ellipses.append(ellipse)
-    return ellipses
+def _salient_ellipses(piece: TruePiece, views: Sequence[View], models: str | None) -> list[list[Ellipse | None]]:
+    """Of each taught salient circle the images in all views, at the piece's true pose; None where it faces away."""
+    circles = [feature.circle.moved(piece.T_world_part) for feature in load_model(piece.part, models).salient]
+    return [[_image(circle, view) for view in views] for circle in circles]
+
+
+def _image(circle: Circle, view: View) -> Ellipse | None:
+    towards = view.T_world_camera.translation - circle.centre
+    faces = circle.normal @ towards > FACING_COSINE * np.linalg.norm(towards)
+    return project_circle(circle, view) if faces else None
 
 
 def _failed_stage(piece: TruePiece, result: LocalizerResult) -> str | None:

@@ -22,11 +22,12 @@ Estimate = TypeVar("Estimate")
 Truth = TypeVar("Truth")
 
 EXTRACTION_IOU = 0.8
-"""A piece is *extracted* in a view when an ellipse overlaps its projected true salient ellipse by more than this
+"""A salient circle of a piece is *extracted* in a view when an ellipse overlaps its true image by more than this
 intersection over union."""
 
 EXTRACTION_VIEWS = 2
-"""A piece is *extracted* when it is so in at least this many views, the fewest from which a pose can be had."""
+"""A piece is *extracted* when one and the same salient circle of it is so in at least this many views, the fewest
+from which a pose can be had."""
 
 MATCH_MSSD_FRACTION = 0.10
 """A piece is *matched* when the maximum symmetry-aware surface distance (MSSD) between the part in the estimated and
@@ -64,9 +65,9 @@ class Summary:
     median: float | None
 
 
-def is_extracted(ious: Sequence[float]) -> bool:
-    """Whether a piece counts as extracted, from the best overlap in each view."""
-    return sum(iou > EXTRACTION_IOU for iou in ious) >= EXTRACTION_VIEWS
+def is_extracted(ious: Sequence[Sequence[float]]) -> bool:
+    """Whether a piece counts as extracted, from the best overlap with each of its salient circles in each view."""
+    return any(sum(iou > EXTRACTION_IOU for iou in circle) >= EXTRACTION_VIEWS for circle in ious)
 
 
 def match_limit_mm(diameter_m: float) -> float:

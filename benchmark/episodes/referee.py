@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from benchmark.episodes.cells import workspace
 from benchmark.episodes.evaluation import TruePiece, Verdict, assign_estimates, judge
-from benchmark.localizers.registry import with_answers_alone
+from benchmark.localizers.registry import with_single_extractor_answers
 from benchmark.records.episode_record import AttemptRecord, PickRecord
 from benchmark.tasks.attempt import Attempt
 from benchmark.tasks.bench import Witness
@@ -80,7 +80,7 @@ class Referee(Witness):
         pieces = self._pieces()
         if self.verdict is None:
             space = workspace(self._cell.config)
-            localization = with_answers_alone(self._localizer, localization, views, space)
+            localization = with_single_extractor_answers(self._localizer, localization, views, space)
             self.verdict = judge(localization, self._localizer.name, pieces, self._true_views, self._models)
             self._told(localization, self.verdict)
         pairs = dict(assign_estimates(localization.estimates, pieces).pairs)
@@ -93,7 +93,7 @@ class Referee(Witness):
         ]
         self._in_tray = self.in_tray()
         stage, cause = attempt.stage, attempt.cause
-        if stage is None and not arrived:
+        if stage is None and attempt.goal == "pick" and not arrived:
             stage, cause = "place", "does not lie in the tray"
         worst = attempt.watched
         piece = None if attempt.estimate is None else self._owner[attempt.estimate]

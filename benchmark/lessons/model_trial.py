@@ -38,7 +38,7 @@ Report = Callable[[SceneOutcome], None]
 
 PIECES = 4
 SENSOR = "lab"
-LOCALIZER = "dual"
+LOCALIZER = "focal"
 VIEWS_TOGETHER = 3
 MISSED_COLOUR: Colour = (255, 220, 60)
 FALSE_COLOUR: Colour = (255, 70, 70)

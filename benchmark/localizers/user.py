@@ -55,7 +55,7 @@ class WatchedLocalizer:
         Raises:
             LocalizerError: the user's code raised an error, or the answer is no localization of these views.
         """
-        with _blamed_on(self._reference, self.inner.localize, LOCALIZE):
+        with _attributed_to(self._reference, self.inner.localize, LOCALIZE):
             answer = self.inner.localize(views, workspace)
         return self._checked(answer, len(views))
 
@@ -98,13 +98,13 @@ def make_watched(
     Raises:
         LocalizerError: the user's code raised an error, or what it made is no localizer.
     """
-    with _blamed_on(reference, None, expected):
+    with _attributed_to(reference, None, expected):
         factory = load()
     what = f"localizer {reference}"
     if not callable(factory):
         raise LocalizerError(what, got=_described(factory), expected="a function of the taught models")
     _check_call(what, factory, "a function of the taught models", models)
-    with _blamed_on(reference, factory, f"a function of the taught models that makes an object with {LOCALIZE}"):
+    with _attributed_to(reference, factory, f"a function of the taught models that makes an object with {LOCALIZE}"):
         made = factory(models)
         usable = isinstance(made, Localizer) and not inspect.isclass(made) and isinstance(made.name, str)
     if not usable:
@@ -154,7 +154,7 @@ def _look_here() -> str:
 
 
 @contextmanager
-def _blamed_on(reference: str, code: object, expected: str) -> Iterator[None]:
+def _attributed_to(reference: str, code: object, expected: str) -> Iterator[None]:
     """Turn whatever the user's code raises into an error that says so; Ctrl-C is nobody's mistake.
 
     Args:

@@ -96,6 +96,8 @@ class LocalizerResult:
             covariance, or the record is older than this field.
         offset: from the true pose to the one assigned; None where there is none, or the record is older than this
             field.
+        probability: with which the localizer says that this pose is right; None where it does not say, there is no
+            pose, or the record is older than this field.
     """
 
     extracted: bool
@@ -103,6 +105,7 @@ class LocalizerResult:
     errors: PoseErrors | None = None
     normalized: NormalizedError | None = field(default=None, metadata=MAY_BE_MISSING)
     offset: PoseOffset | None = field(default=None, metadata=MAY_BE_MISSING)
+    probability: float | None = field(default=None, metadata=MAY_BE_MISSING)
 
     def __post_init__(self) -> None:
         if self.matched and self.errors is None:
@@ -118,7 +121,7 @@ class PieceRecord:
         part: name of its type.
         visibility: the visible share of its silhouette, 0 to 1, mean over the views.
         in_bin: False when it bounced out; it is then counted apart.
-        results: by localizer: ``region``, ``group``, ``dual``, or the name of the user's own.
+        results: by localizer, one of ``benchmark.config.LOCALIZERS`` or the user's own.
         failed_stage: where the run's localizer lost the piece, None when it did not.
     """
 
@@ -210,6 +213,8 @@ class EpisodeRecord:
         pieces: one record for each piece.
         picks: in the order in which they were made.
         false_positives: by localizer, the number of poses that belong to no piece.
+        false_probabilities: by localizer, with which it says of those poses that they are right, where it says so;
+            empty too in a record that is older than this field.
         timings_s: wall time in seconds under the names in ``STAGES``.
         error: one line that says why the episode did not finish; None when it did.
         attempts: of the task, in the order in which they were made; empty in a record that is older than this field.
@@ -228,6 +233,7 @@ class EpisodeRecord:
     false_positives: dict[str, int] = field(default_factory=dict)
     timings_s: dict[str, float] = field(default_factory=dict)
     error: str | None = None
+    false_probabilities: dict[str, tuple[float, ...]] = field(default_factory=dict, metadata=MAY_BE_MISSING)
     attempts: tuple[AttemptRecord, ...] = field(default=(), metadata=MAY_BE_MISSING)
     places: tuple[str, ...] = field(default=(), metadata=MAY_BE_MISSING)
 

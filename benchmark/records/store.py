@@ -1,11 +1,13 @@
-"""The directory of a sweep: ``sweep.json``, ``inputs.json`` and the append-only ``episodes.jsonl``."""
+"""The directory of a sweep: ``sweep.json``, ``inputs.json`` and the append-only ``episodes.jsonl``, packed or not."""
 
 from __future__ import annotations
 
 import errno
 import fcntl
+import gzip
 import json
 import os
+import zlib
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -19,6 +21,7 @@ from vision.errors import FileFormatError, InputError, ResourceError
 
 SWEEP_FILE = "sweep.json"
 EPISODES_FILE = "episodes.jsonl"
+PACKED_FILE = "episodes.jsonl.gz"
 INPUTS_FILE = "inputs.json"
 
 
@@ -180,8 +183,9 @@ def read_records(directory: Path) -> list[EpisodeRecord]:
         InputError: no sweep there.
         FileFormatError: a line other than a torn last one cannot be read; names line and field.
     """
-    path = directory / EPISODES_FILE
-    whole, _, _torn = _read(path).rpartition("\n")
+    path, packed = directory / EPISODES_FILE, directory / PACKED_FILE
+    text = _unpacked(packed) if packed.is_file() and not path.exists() else _read(path)
+    whole, _, _torn = text.rpartition("\n")
     records: dict[str, EpisodeRecord] = {}
     for number, line in enumerate(whole.split("\n") if whole else [], start=1):
         if line.strip():
@@ -190,6 +194,28 @@ def read_records(directory: Path) -> list[EpisodeRecord]:
             if earlier is None or earlier.error is not None:
                 records[record.key] = record
     return [records[key] for key in sorted(records)]
+
+
+def pack_records(directory: Path, target: Path) -> None:
+    """Keep a finished sweep's configuration and its records in another directory, in about a fifth of their size.
+
+    Raises:
+        InputError: a directory cannot be read or written.
+    """
+    lines = "".join(f"{to_json(record)}\n" for record in read_records(directory))
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        (target / SWEEP_FILE).write_text(_read(directory / SWEEP_FILE), encoding="utf-8")
+        (target / PACKED_FILE).write_bytes(gzip.compress(lines.encode(), 9, mtime=0))
+    except OSError as error:
+        _raise(error, target)
+
+
+def _unpacked(path: Path) -> str:
+    try:
+        return gzip.decompress(path.read_bytes()).decode()
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+        raise FileFormatError(str(path), got=str(error), expected="compressed records") from None
 
 
 def _check_place(directory: Path) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE
 from benchmark.records.episode_record import EpisodeRecord
 from benchmark.report.published import TITLES
-from benchmark.report.render import EXTRACTOR_TITLES, METHOD_TITLES
+from benchmark.report.table_text import EXTRACTOR_TITLES
 from benchmark.report.tables import STAGES, Table, table1_order
 from vision.errors import InputError
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = {"region": "#9aa5b1", "group": "#c98f3c", "dual": "#1f6f8b"}
+COLOURS = {"focal-region": "#9aa5b1", "focal-group": "#c98f3c", "focal": "#1f6f8b"}
 OTHER_COLOURS = ("#7a4f9a", "#4f9a5d", "#b0413e")
 PUBLISHED = "#d1495b"
 STYLE = {
@@ -41,7 +41,7 @@ STYLE = {
 
 
 def save_figures(table: Table, records: Sequence[EpisodeRecord], directory: Path) -> list[Path]:
-    """Draw ``fig10.png`` and ``errors.png`` into a directory.
+    """Draw ``fig10.png`` and ``errors.png`` into a directory, and ``reliability.png`` where poses have a probability.
 
     Args:
         table: of the sweep.
@@ -55,7 +55,10 @@ def save_figures(table: Table, records: Sequence[EpisodeRecord], directory: Path
         InputError: the directory cannot be written.
     """
     with matplotlib.rc_context(STYLE):
-        return write_figures({"fig10.png": draw_fig10(table), "errors.png": draw_errors(table, records)}, directory)
+        figures = {"fig10.png": draw_fig10(table), "errors.png": draw_errors(table, records)}
+        if table.reliability:
+            figures["reliability.png"] = draw_reliability(table)
+        return write_figures(figures, directory)
 
 
 def write_figures(figures: dict[str, Figure], directory: Path) -> list[Path]:
@@ -89,30 +92,44 @@ def draw_fig10(table: Table) -> Figure:
     return figure
 
 
+def draw_reliability(table: Table) -> Figure:
+    """How often poses are right against the probability with which they say so; on the diagonal where it is true."""
+    figure, ax = plt.subplots(figsize=(5, 4.6), layout="constrained")
+    ax.plot([0, 1], [0, 1], color="#9aa5b1", linewidth=1)
+    for i, (method, rows) in enumerate(table.reliability.items()):
+        shown = [row for row in rows if row.right.n]
+        said, right = ([getattr(row, name) for row in shown] for name in ("said", "right"))
+        rates, low, high = (np.array([getattr(rate, name) for rate in right]) for name in ("rate", "low", "high"))
+        colour = _colour(method, i)
+        ax.errorbar(said, rates, np.clip([rates - low, high - rates], 0, None), fmt="o", color=colour, label=method)
+    ax.set(xlabel="probability that the pose says", ylabel="right", xlim=(0, 1.02), ylim=(0, 1.02))
+    ax.legend(frameon=False, loc="upper left")
+    return figure
+
+
 def _draw_rates(ax: Axes, table: Table, stage: str) -> None:
-    methods = [method for method in table.methods if method != "group"]
+    methods = [method for method in table.methods if method != "focal-group"]
     width = 0.8 / len(methods)
     positions = np.arange(len(table.parts))
     for i, method in enumerate(methods):
         x = positions + (i - (len(methods) - 1) / 2) * width
         rates = [table.find_success(part, method, stage, HALF_VISIBLE).rate for part in table.parts]
-        label = METHOD_TITLES.get(method, method)
-        ax.bar(x, [rate.rate or 0.0 for rate in rates], width * 0.92, color=_colour(method, i), label=label)
+        ax.bar(x, [rate.rate or 0.0 for rate in rates], width * 0.92, color=_colour(method, i), label=method)
         for xi, rate in zip(x, rates, strict=True):
             if rate.rate is not None and rate.low is not None and rate.high is not None:
                 reach = [[rate.rate - rate.low], [rate.high - rate.rate]]
                 ax.errorbar(xi, rate.rate, reach, color="#222222", linewidth=1.2, capsize=3)
             ax.text(xi, 0.02, f"n={rate.n}", ha="center", color="white" if rate.rate else "#555555", fontsize=8)
-    _draw_published(ax, table, stage, positions + (methods.index("dual") - (len(methods) - 1) / 2) * width, width)
+    _draw_published(ax, table, stage, positions + (methods.index("focal") - (len(methods) - 1) / 2) * width, width)
     ax.set_xticks(positions, [TITLES.get(part, part) for part in table.parts])
     ax.tick_params(axis="x", length=0)
     ax.set_ylim(0, 1.03)
 
 
 def _draw_published(ax: Axes, table: Table, stage: str, centres: NDArray[np.floating], width: float) -> None:
-    label = "dual, published (all pieces)"
+    label = "focal, published (all pieces)"
     for x, part in zip(centres, table.parts, strict=True):
-        published = table.find_success(part, "dual", stage, HALF_VISIBLE).published
+        published = table.find_success(part, "focal", stage, HALF_VISIBLE).published
         if published is not None:
             ax.hlines(published, x - width * 0.55, x + width * 0.55, color=PUBLISHED, linewidth=2.2, label=label)
             label = "_nolegend_"  # once is enough

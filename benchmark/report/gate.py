@@ -1,15 +1,16 @@
 """Thresholds that a sweep must reach, for continuous integration.
 
-A thresholds file is TOML: a section ``[METHOD.PART]`` limits the success rates and mean errors of a localizer on a
+A thresholds file is TOML: a section ``[METHOD.PART]`` limits the success rates and errors of a localizer on a
 part, ``[picks.PART]`` the picks, ``[episodes]`` what may go wrong altogether::
 
     min_visibility = 0.5            # over which pieces; 0.5 when left out
 
-    [dual.hub]
+    [focal.hub]
     matching_rate_low = 0.6         # lower bound of the 95 % interval, at least
     translation_mm_mean = 1.0       # at most
     coverage_min = 0.9              # share of true poses inside the 95 % ellipsoid, at least
     coverage_max = 0.99             # and at most
+    false_poses_max = 0.02          # share of the reported poses that belong to no piece, at most
 
     [picks.hub]
     rate_low = 0.5
@@ -28,16 +29,17 @@ from benchmark.report.tables import METHODS, QUANTITIES, STAGES, Table
 from vision.errors import FileFormatError, InputError
 
 RATE_KEYS = tuple(f"{stage}_rate_low" for stage in STAGES)
-ERROR_KEYS = tuple(f"{quantity}_mean" for quantity in QUANTITIES)
+ERROR_KEYS = tuple(f"{quantity}_{name}" for quantity in QUANTITIES for name in ("mean", "median"))
 COVERAGE_KEYS = ("coverage_min", "coverage_max")
-METHOD_KEYS = (*RATE_KEYS, *ERROR_KEYS, *COVERAGE_KEYS)
+FALSE_POSES_KEY = "false_poses_max"
+METHOD_KEYS = (*RATE_KEYS, *ERROR_KEYS, *COVERAGE_KEYS, FALSE_POSES_KEY)
 PICK_KEYS = ("rate_low",)
 EPISODE_KEYS = ("failed", "missing")
 
 
 @dataclass(frozen=True)
 class Limit:
-    """One threshold: ``name`` as in the file, for example ``dual.hub.matching_rate_low``."""
+    """One threshold: ``name`` as in the file, for example ``focal.hub.matching_rate_low``."""
 
     section: str
     part: str
@@ -200,8 +202,11 @@ def _measure(limit: Limit, table: Table, min_visibility: float) -> tuple[float |
         stage = limit.key.removesuffix("_rate_low")
         rate = table.find_success(limit.part, limit.section, stage, min_visibility).rate
         return rate.low, rate.n
+    if limit.key == FALSE_POSES_KEY:
+        share = table.find_false_poses(limit.part, limit.section)
+        return share.rate, share.n
     row = table.find_accuracy(limit.part, limit.section, min_visibility)
     if limit.key in COVERAGE_KEYS:
         return row.coverage.rate, row.coverage.n
-    summary = row.errors[limit.key.removesuffix("_mean")]
-    return summary.mean, summary.n
+    quantity, _, statistic = limit.key.rpartition("_")
+    return getattr(row.errors[quantity], statistic), row.errors[quantity].n

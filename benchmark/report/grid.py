@@ -66,11 +66,21 @@ def plus_minus(summary: Summary, digits: int) -> str:
     return f"{summary.mean:.{digits}f} ± {spread}"
 
 
+def median(summary: Summary, digits: int) -> str:
+    """The median, which single gross errors do not move."""
+    return NOTHING if summary.median is None else f"{summary.median:.{digits}f}"
+
+
 def rate_text(rate: Rate) -> str:
     """A rate with its interval in brackets."""
     if rate.rate is None or rate.low is None or rate.high is None:
         return NOTHING
     return f"{rate.rate:4.0%} ({rate.low:.0%} to {rate.high:.0%})"
+
+
+def share_text(rate: Rate) -> str:
+    """A share that is to be small, with what it is of: ``2.9% of 34``."""
+    return NOTHING if rate.rate is None else f"{rate.rate:.1%} of {rate.n}"
 
 
 def last_of_each(labels: Sequence[str]) -> frozenset[int]:

@@ -1,4 +1,4 @@
-"""By how much one localizer finds more than another among the same pieces, and how sure that is."""
+"""The difference of two localizers' matching rates on the same pieces, with a 95 % interval."""
 
 from __future__ import annotations
 

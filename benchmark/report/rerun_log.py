@@ -301,7 +301,7 @@ def _transform(pose: RigidTransform) -> rr.Transform3D:
 
 
 def _explained(config: EpisodeConfig) -> EllipseLocalizer:
-    """The localizer whose stages are drawn: that of the episode; the dual one where that has no such stages."""
+    """The localizer whose stages are drawn: that of the episode; the focal one where that has no such stages."""
     models = [load_model(part, config.models) for part in config.parts]
     localizer = make_localizer(config.localizer, models, tuple)
     return localizer if isinstance(localizer, EllipseLocalizer) else EllipseLocalizer(models)

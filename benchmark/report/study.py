@@ -24,12 +24,14 @@ class CurvePoint:
         variant: the setting.
         half_visible: matching success over pieces at least half visible.
         visible: the same over pieces at least 10 % visible.
+        false_poses: share of the reported poses that belong to no piece.
         errors: of the matched pieces at least 10 % visible, as in Table 1, by quantity.
     """
 
     variant: Variant
     half_visible: Rate
     visible: Rate
+    false_poses: Rate
     errors: dict[str, Summary]
 
 
@@ -52,7 +54,7 @@ class CalibrationLimit:
 
     Attributes:
         part: its name.
-        method: ``region`` and ``group`` are held to their own rows, everything else to the better of the two.
+        method: ``focal-region`` and ``focal-group`` are held to their extractor's row, all others to the better one.
         published: the row.
         translation: hand-eye error in mm up to which the mean translation error meets it.
         rotation: the same for the rotation error.
@@ -110,6 +112,7 @@ class Study:
                 variant,
                 table.find_success(part, method, "matching", HALF_VISIBLE).rate,
                 table.find_success(part, method, "matching", BARELY_VISIBLE).rate,
+                table.find_false_poses(part, method),
                 table.find_accuracy(part, method, BARELY_VISIBLE).errors,
             )
             for variant, table in self.tables.items()
@@ -120,7 +123,7 @@ class Study:
         """For each part of the paper, the run's own localizer and each extractor; empty for another study."""
         if not self.is_calibration:
             return []
-        methods = dict.fromkeys([self.method, *(EXTRACTORS if self.method == "dual" else ())])
+        methods = dict.fromkeys([self.method, *(EXTRACTORS if self.method == "focal" else ())])
         return [
             _calibration_limit(part, method, published, self.curve(part, method))
             for part in self.parts
@@ -140,8 +143,8 @@ def build_study(
     Args:
         config: of the sweep.
         records: its records so far, in any order.
-        refused: ``benchmark.study.taught_models.refusals`` of its directory.
-        circles: ``benchmark.report.circle_errors.study_circles`` of its directory.
+        refused: why parts could not be taught, and
+        circles: how true the others are: of ``benchmark.report.circle_errors.read_taught``.
     """
     variant_of = {episode.key: episode.variant for episode in episodes(config)}
     grouped: dict[Variant | None, list[EpisodeRecord]] = defaultdict(list)

@@ -13,14 +13,15 @@ from dataclasses import asdict, dataclass
 from benchmark.config import SweepConfig, episodes
 from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary, is_inside_ellipsoid, summarise
 from benchmark.records.episode_record import EpisodeRecord, PieceRecord, PoseErrors
-from benchmark.report.made_good import MadeGood, made_good
 from benchmark.report.margins import Margin, paired_margin
 from benchmark.report.published import FIGURE_10, TABLE_1, PublishedErrors, paper_order
 from benchmark.report.rate import Rate
+from benchmark.report.recovered import Recovered, recovered
+from benchmark.report.reliability import ReliabilityRow, reliability
 
-EXTRACTORS = ("region", "group")
-METHODS = ("region", "group", "dual")
-COMPARED = ("dual", "region")
+EXTRACTORS = ("focal-region", "focal-group")
+METHODS = ("focal-region", "focal-group", "focal")
+COMPARED = ("focal", "focal-region")
 STAGES = ("extraction", "matching")
 QUANTITIES = ("translation_mm", "rotation_deg", "tilt_deg", "inplane_deg", "mssd_mm")
 LEVELS = (HALF_VISIBLE, BARELY_VISIBLE)
@@ -32,7 +33,7 @@ class AccuracyRow:
 
     Attributes:
         part: its name.
-        method: the localizer; ``region`` and ``group`` are the paper's region-match and group-match.
+        method: the localizer; ``focal-region`` and ``focal-group`` are the paper's region-match and group-match.
         min_visibility: pieces less visible are left out.
         errors: one summary for each of ``QUANTITIES``; its n is less where a quantity is undefined for the part.
         coverage: the share of true poses inside the 95 % ellipsoids of the poses' covariances; its n is less where
@@ -59,7 +60,7 @@ class SuccessRow:
 
     Attributes:
         part: its name.
-        method: the localizer; ``region`` is the paper's previous method, ``dual`` the proposed one.
+        method: the localizer; ``focal-region`` is the paper's previous method, ``focal`` the proposed one.
         stage: ``extraction`` (Fig. 10a) or ``matching`` (Fig. 10b).
         min_visibility: pieces less visible are left out.
         rate: over the pieces that are visible enough and in the bin.
@@ -72,6 +73,21 @@ class SuccessRow:
     min_visibility: float
     rate: Rate
     published: float | None
+
+
+@dataclass(frozen=True)
+class FalsePosesRow:
+    """How many of the poses that a localizer reported belong to no piece.
+
+    Attributes:
+        part: the scenes' only part.
+        method: the localizer.
+        share: of all poses reported, whatever the visibility of the pieces.
+    """
+
+    part: str
+    method: str
+    share: Rate
 
 
 @dataclass(frozen=True)
@@ -106,8 +122,10 @@ class Table:
         failed: key and error of those that did not finish; their pieces are in no rate.
         accuracy: for each part, method and visibility level.
         success: for each part, method, stage and visibility level.
-        margins: of dual over region growing alone in matching, for each part and visibility level.
-        made_good: what dual matched of what one extractor lost, for each part and visibility level.
+        false_poses: for each part and method.
+        reliability: how right poses are that say so, by method, for those that do.
+        margins: of focal over region growing alone in matching, for each part and visibility level.
+        recovered: what focal matched of what one extractor lost, for each part and visibility level.
         picks: success rate of attempted picks by part.
         counts: by part.
     """
@@ -118,8 +136,10 @@ class Table:
     failed: dict[str, str]
     accuracy: tuple[AccuracyRow, ...]
     success: tuple[SuccessRow, ...]
+    false_poses: tuple[FalsePosesRow, ...]
+    reliability: dict[str, tuple[ReliabilityRow, ...]]
     margins: tuple[Margin, ...]
-    made_good: tuple[MadeGood, ...]
+    recovered: tuple[Recovered, ...]
     picks: dict[str, Rate]
     counts: tuple[PartCount, ...]
 
@@ -147,6 +167,10 @@ class Table:
         """One row of ``success``; KeyError where there is none."""
         wanted = (part, method, stage, min_visibility)
         return {(r.part, r.method, r.stage, r.min_visibility): r for r in self.success}[wanted]
+
+    def find_false_poses(self, part: str, method: str) -> Rate:
+        """The share of one row of ``false_poses``; KeyError where there is none."""
+        return {(row.part, row.method): row.share for row in self.false_poses}[part, method]
 
 
 def table1_order(parts: Sequence[str]) -> list[tuple[str, str]]:
@@ -179,8 +203,10 @@ def build_table(config: SweepConfig, records: Sequence[EpisodeRecord], levels: S
         failed={record.key: record.error for record in records if record.error is not None},
         accuracy=tuple(_accuracy(pieces, *cell) for cell in cells),
         success=tuple(_success(pieces, *cell, stage) for stage in STAGES for cell in cells),
+        false_poses=tuple(FalsePosesRow(p, m, _false_poses(finished, p, m)) for p in parts for m in methods),
+        reliability=_reliabilities(finished, methods),
         margins=tuple(paired_margin(finished, part, COMPARED, level) for level in levels for part in parts),
-        made_good=tuple(made_good(finished, part, level) for level in levels for part in parts),
+        recovered=tuple(recovered(finished, part, level) for level in levels for part in parts),
         picks={part: _picks(finished, part) for part in parts},
         counts=tuple(_count(finished, part) for part in parts),
     )
@@ -191,8 +217,10 @@ def to_dict(table: Table) -> dict[str, object]:
     return {
         "table1": [{"process": row.method, **_flat(row)} for row in table.table1],
         "fig10": [_flat_success(row) for row in table.success],
+        "false_poses": [{"part": row.part, "method": row.method, **asdict(row.share)} for row in table.false_poses],
+        "reliability": {method: [asdict(row) for row in rows] for method, rows in table.reliability.items()},
         "margins": [{**asdict(margin), "excludes_zero": margin.excludes_zero} for margin in table.margins],
-        "made_good": [asdict(row) for row in table.made_good],
+        "recovered": [asdict(row) for row in table.recovered],
         "picks": [{"part": part, **asdict(rate)} for part, rate in table.picks.items()],
         "accuracy": [_flat(row) for row in table.accuracy],
         "counts": [asdict(count) for count in table.counts],
@@ -227,6 +255,27 @@ def _success(pieces: Sequence[PieceRecord], part: str, method: str, min_visibili
 
 def _counted(pieces: Sequence[PieceRecord], part: str, min_visibility: float) -> list[PieceRecord]:
     return [p for p in pieces if p.part == part and p.in_bin and p.visibility >= min_visibility]
+
+
+def _false_poses(records: Sequence[EpisodeRecord], part: str, method: str) -> Rate:
+    """Of the poses reported in scenes of this part alone; the others are those of the matched pieces."""
+    scenes = [record for record in records if record.parts == (part,)]
+    results = (piece.results.get(method) for record in scenes for piece in record.pieces)
+    right = sum(result is not None and result.matched for result in results)
+    wrong = sum(record.false_positives.get(method, 0) for record in scenes)
+    return Rate.of([True] * wrong + [False] * right)
+
+
+def _reliabilities(records: Sequence[EpisodeRecord], methods: Sequence[str]) -> dict[str, tuple[ReliabilityRow, ...]]:
+    found = {method: _reliability(records, method) for method in methods}
+    return {method: rows for method, rows in found.items() if any(row.right.n for row in rows)}
+
+
+def _reliability(records: Sequence[EpisodeRecord], method: str) -> tuple[ReliabilityRow, ...]:
+    results = (piece.results.get(method) for record in records for piece in record.pieces)
+    right = [r.probability for r in results if r is not None and r.probability is not None]
+    wrong = [p for record in records for p in record.false_probabilities.get(method, ())]
+    return reliability([*right, *wrong], [True] * len(right) + [False] * len(wrong))
 
 
 def _picks(records: Sequence[EpisodeRecord], part: str) -> Rate:

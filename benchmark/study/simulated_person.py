@@ -19,6 +19,7 @@ from benchmark.world.sensor import SensorConfig, sensor_config
 from benchmark.world.studio import Sitter, Studio
 from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
+from vision.features import Extractor
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
 from vision.model.vision_model import VisionModel
@@ -32,8 +33,17 @@ SMALLEST_RADIUS_PX = 4.0
 SMALLEST_FACING_COSINE = 0.35
 FAINTEST_EDGE = 5.0  # grey levels per pixel of the smoothed picture; a step of 15 levels
 CLOSEST_PX = 5.0
-LARGEST_RESIDUAL_PX = 1.0
+LARGEST_RESIFOCAL_PX = 1.0
 SECONDS_PER_EVENT = 1.5
+STRATEGIES: dict[str, dict[str, Extractor]] = {
+    "hub": {"outline": "region", "salient": "group", "supporting": "region"},
+    "cover1": {"salient": "region", "supporting": "group"},
+    "cover2": {"salient": "group", "supporting": "region"},
+}
+"""The paper's strategies (Section 7): which extractor is to look for a part's salient and supporting features.
+
+The hub has both for its salient ones: region growing for the outlines, edge grouping for bores and hollows.
+"""
 
 
 @dataclass(frozen=True)
@@ -106,8 +116,9 @@ class _Person:
         self._do(ev.DescribePart(part.name, part.diameter_m, part.symmetry.fold))
         shown = {rim: _views_that_show(rim, self._views, self._studio) for rim in part.rims}
         shown = {rim: seen for rim, seen in shown.items() if len(seen) >= 2}
-        for rim in _told_apart(shown, self._views, self._edges):
+        for rim in _clearest(shown, self._views, self._edges):
             self._mark(rim, shown[rim])
+            self._choose_extractor(rim)
             self._make_consistent(rim.name)
         for grasp in part.grasps:
             pose = ev.matrix_of(grasp.T_part_tcp)
@@ -129,6 +140,14 @@ class _Person:
             for x, y in _click(seen[number], self._views[number], self._operator, self._rng):
                 self._do(ev.AddPoint(rim.name, number, float(x), float(y)))
 
+    def _choose_extractor(self, rim: Rim) -> None:
+        """Follow the paper's strategy, or what the system proposes where the paper has none."""
+        strategy = STRATEGIES.get(self._part.name, {})
+        role = "supporting" if rim.offset_m else "outline" if rim.name.startswith("outline") else "salient"
+        extractor = strategy.get(role, strategy.get("salient"))
+        if extractor is not None:
+            self._do(ev.SetExtractor(rim.name, extractor))
+
     def _make_consistent(self, feature_id: str) -> None:
         """Unmark the views that the system calls inconsistent, the worst first; give up at less than two."""
         while len(self.session.document.feature(feature_id).contours) >= 2:
@@ -136,7 +155,7 @@ class _Person:
                 circle = locate(self.session.document.feature(feature_id).taught(), self._views, self._edges)
             except InputError:  # the page says that these marks make no circle
                 break
-            wrong = circle.inconsistent(LARGEST_RESIDUAL_PX)
+            wrong = circle.inconsistent(LARGEST_RESIFOCAL_PX)
             if not wrong:
                 return
             worst = max(wrong, key=lambda number: circle.residual_px[number])
@@ -165,8 +184,8 @@ def _views_that_show(rim: Rim, views: Sequence[View], studio: Studio) -> dict[in
     return shown
 
 
-def _told_apart(shown: dict[Rim, dict[int, Array]], views: Sequence[View], edges: Sequence[EdgeField]) -> list[Rim]:
-    """Of rims that nearly coincide in the pictures, such as the two of a chamfer, the one with the clearest edge."""
+def _clearest(shown: dict[Rim, dict[int, Array]], views: Sequence[View], edges: Sequence[EdgeField]) -> list[Rim]:
+    """Keeps the rim with the clearest edge of those that nearly coincide in the pictures, such as a chamfer's two."""
     strength = {rim: _edge_strength(rim, shown[rim], views, edges) for rim in shown}
     kept: list[Rim] = []
     for rim in sorted(shown, key=lambda r: -strength[r]):

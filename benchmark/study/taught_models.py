@@ -22,7 +22,7 @@ OnTaught = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
-class Untaught:
+class NothingTaught:
     """Stands in for a localizer where the teaching has failed: a robot that was taught nothing finds nothing."""
 
     name: str

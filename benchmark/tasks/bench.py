@@ -20,6 +20,7 @@ from benchmark.world.watch import StepWatch
 from robot.grasping import plan_grasp
 from robot.grasps import GraspChoice, GraspParameters, GraspPlan, Piece
 from robot.placing import PlaceParameters, Placing, Tray, plan_placing
+from robot.tipping import Tip, plan_tip
 from robot.viewpoints import Viewpoint
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace
@@ -121,21 +122,10 @@ class Workbench:
 
     def plan(self, belief: Belief, parameters: PlaceParameters | None = None) -> GraspChoice[Placing]:
         """The best way to take a known piece and to put it down on a free spot in the tray."""
-        config = self._cell.config
-        wall_top = config.bin_centre_m[2] + config.bin_wall_m
         grasping = GraspParameters(
-            free_height_m=wall_top + FREE_OVER_WALL_M, lift_m=config.bin_wall_m + 0.6 * self.diameter_m
+            free_height_m=self.free_height_m, lift_m=self._cell.config.bin_wall_m + 0.6 * self.diameter_m
         )
-        pieces = [
-            Piece(
-                known.estimate.T_world_part,
-                opened_grasps_of(known.estimate.part, config.gripper_xml, self.longest_approach_m, self._models),
-                surface_points(known.estimate.part),
-                _confidence(known.estimate) * _TRUST_AFTER_FAILURE**known.failures,
-            )
-            for known in belief.known
-        ]
-        tray = self.tray(belief)
+        pieces, tray = self._pieces(belief), self.tray(belief)
 
         def finish(plan: GraspPlan) -> Placing | None:
             points = surface_points(belief.known[plan.piece].estimate.part)
@@ -154,10 +144,43 @@ class Workbench:
                 finish,
             )
 
+    def plan_tip(self, belief: Belief) -> Tip | None:
+        """A way to tip over a known piece that stands on edge."""
+        with self.clock.stage("motion"):
+            return plan_tip(
+                self._cell.kinematics,
+                self.hand.geometry,
+                self._pieces(belief),
+                self._bin,
+                self.hand.joint_positions,
+                self.free_height_m,
+            )
+
+    def tip(self, tip: Tip) -> Attempt:
+        """Tip a piece over; where it lies then, only a look can tell."""
+        with self.clock.stage("motion"):
+            failed = self.hand.tip(tip)
+        return self.attempt("push", tip.piece, failed)
+
     @property
-    def longest_approach_m(self) -> float:
-        """Of a straight approach along the tool's axis."""
-        return self._cell.config.bin_wall_m + FREE_OVER_WALL_M
+    def free_height_m(self) -> float:
+        """Where the tool centre point is this high over the bin, the arm moves freely."""
+        config = self._cell.config
+        return config.bin_centre_m[2] + config.bin_wall_m + FREE_OVER_WALL_M
+
+    def _pieces(self, belief: Belief) -> list[Piece]:
+        """The known pieces as the planner takes them."""
+        config = self._cell.config
+        longest_approach_m = config.bin_wall_m + FREE_OVER_WALL_M
+        return [
+            Piece(
+                known.estimate.T_world_part,
+                opened_grasps_of(known.estimate.part, config.gripper_xml, longest_approach_m, self._models),
+                surface_points(known.estimate.part),
+                _confidence(known.estimate) * _TRUST_AFTER_FAILURE**known.failures,
+            )
+            for known in belief.known
+        ]
 
     def tray(self, belief: Belief) -> Tray:
         """The tray with what is believed to lie in it."""

@@ -20,7 +20,7 @@ class Clear:
     Task:
         Look, localise, pick a piece, put it down on a free spot in the tray; again, until nothing is found any more.
         Where nothing is found or nothing can be gripped, look again from other viewpoints and use all pictures
-        together. What cannot be gripped even then is left, with the reasons.
+        together. Of what cannot be gripped even then, tip over what stands on edge; leave the rest, with the reasons.
     Randomisations:
         Those of the drop and of the sensor: where the pieces lie, light, marks, calibration.
     Success:
@@ -28,16 +28,18 @@ class Clear:
 
     Attributes:
         most_failures: attempts in vain after each other, after which the robot gives up.
+        most_pushes: pieces tipped over after each other, after which what cannot be gripped is left.
         most_attempts: attempts in all.
     """
 
     name: str = "clear"
     most_failures: int = 4
+    most_pushes: int = 4
     most_attempts: int = 24
 
     def run(self, bench: Workbench, looks: Looks) -> Iterator[Attempt]:
         """See the class."""
-        belief, failures = Belief(), 0
+        belief, failures, pushes = Belief(), 0, 0
         for _ in range(self.most_attempts):
             sight = bench.look(looks.standard())
             belief, choice = self._understood(bench, belief, sight)
@@ -47,9 +49,14 @@ class Clear:
             if not belief.known:
                 yield bench.attempt("pick", None, ("localize", "nothing is found any more"))
                 return
+            tip = bench.plan_tip(belief) if choice.plan is None and pushes < self.most_pushes else None
+            if tip is not None:
+                pushes += 1
+                yield bench.tip(tip)
+                continue
             attempt, belief = bench.pick(belief, choice)
             yield attempt
-            failures = 0 if attempt.stage is None else failures + 1
+            failures, pushes = (0, 0) if attempt.stage is None else (failures + 1, pushes)
             if choice.plan is None or failures == self.most_failures:
                 return
 

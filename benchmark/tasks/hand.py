@@ -19,7 +19,8 @@ from robot.grasps import GraspPlan
 from robot.gripper import Gripper
 from robot.gripper_geometry import GripperGeometry
 from robot.placing import Placing
-from robot.trajectory import Trajectory, cartesian_path
+from robot.tipping import Tip, drag_along
+from robot.trajectory import DEFAULT_DT_S, Trajectory, cartesian_path
 from robot.wrist import WristSensor
 
 Array = NDArray[np.float64]
@@ -32,6 +33,8 @@ GRIP_SETTLE_S = 0.05
 RELEASE_TIMEOUT_S = 0.4
 RETREAT_M = 0.06
 GUARD_N = 30.0  # felt on the way to a piece, it means that something is in the way
+PRESSING_GUARD_N = 5.0
+DRAGGING_GUARD_N = 40.0
 LOWERING_GUARD_N = 15.0
 LOWERING_GUARD_WEIGHTS = 0.5
 
@@ -155,6 +158,32 @@ class Hand:
             rise = max(float(placing.T_world_above.translation[2] - back.translation[2]), 0.0)
             self.draw_back(back, RigidTransform.from_translation([0.0, 0.0, rise]) * back)
         return None
+
+    def tip(self, tip: Tip) -> Failure | None:
+        """Press closed fingers on the edge of a piece and drag it over; returns where and why it failed."""
+        self.gripper.close_with(LEAST_GRIP_FORCE_N)
+        with self._clock.doing("move"):
+            self.move_joints(np.array(tip.approach.q[0]))
+        with self._clock.doing("push"):
+            way = self.follow(tip.approach, GUARD_N)
+            failed = None if way.arrived else f"met something with {way.force_n:.0f} N"
+            if way.arrived and self.follow(tip.press, PRESSING_GUARD_N).arrived:
+                failed = "felt nothing"
+            elif way.arrived:
+                self.follow(self._drag(tip), DRAGGING_GUARD_N)
+        self.draw_back(tip.T_world_start)
+        return None if failed is None else ("push", failed)
+
+    def _drag(self, tip: Tip) -> Trajectory:
+        """From where the edge was felt."""
+        cell = self._cell
+        try:
+            return drag_along(
+                cell.kinematics, self.geometry, self.T_world_commanded, cell.arm.commanded_positions, tip.arc
+            )
+        except UnreachableError:
+            q = cell.arm.commanded_positions
+            return Trajectory(q[None], np.zeros((1, 6)), DEFAULT_DT_S)
 
     def grip(self, plan: GraspPlan, part: str) -> None:
         """Press the fingers on the piece, as hard as its weight asks for."""

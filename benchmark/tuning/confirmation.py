@@ -1,9 +1,9 @@
 """How much the constants of confirmation matter, one at a time: ``python -m benchmark.tuning.confirmation``.
 
 Each setting of ``ConfirmationParameters`` (``vision/matching/parameters.py``) is made smaller and larger while the
-others stay, and the dual localizer looks at the tuning scenes again: with the sensor of the laboratory, and with that
-of the shop floor, where edges are worse. Nothing is fitted: the table tells which values have to be right and which
-have not. A setting that changes nothing here may still be needed in scenes of another kind.
+others stay, and the localizer ``focal`` looks at the tuning scenes again: with the sensor of the laboratory, and with
+that of the shop floor, where edges are worse. Nothing is fitted: the table tells which values have to be right and
+which have not. A setting that changes nothing here may still be needed in scenes of another kind.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The sizes of the edges' shared errors, fitted: ``python -m benchmark.tuning.edge_sigmas``.
 
 These errors (``vision/pose/edge_errors.py``) widen the covariance of a pose. Their standard deviations are those of
-the greatest likelihood, given the errors of the dual localizer's poses in the tuning scenes and taking them for
+the greatest likelihood, given the errors of the focal localizer's poses in the tuning scenes and taking them for
 Gaussian. Then all are made larger by one factor, so that 95 % of the tuning scenes' true poses lie inside the 95 %
 ellipsoid. The figures are those of the validation scenes.
 """

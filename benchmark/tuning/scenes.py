@@ -47,7 +47,7 @@ class KnownScene:
         return frozenset(i for i, p in enumerate(self.pieces) if p.in_bin and p.visibility >= least)
 
     def localize(self, parameters: MatchingParameters) -> Localization:
-        """What the dual localizer finds with these settings, told what the sensor states of its calibration."""
+        """What the focal localizer finds with these settings, told what the sensor states of its calibration."""
         told = replace(parameters, calibration=calibration_error(sensor_config(self.sensor)))
         return EllipseLocalizer([load_model(self.part)], parameters=told).localize(self.views, self.workspace)
 
@@ -74,7 +74,7 @@ class _Witness(EpisodeObserver):
         )
 
 
-def known_scene(part: str, seed: int, sensor: str = "lab") -> KnownScene:
+def known_scene(part: str, seed: int, sensor: str = "lab", pieces: int = PIECES) -> KnownScene:
     """Drop and photograph the scene of a part that a seed of ``SCENES`` stands for.
 
     Raises:
@@ -83,7 +83,7 @@ def known_scene(part: str, seed: int, sensor: str = "lab") -> KnownScene:
     witness = _Witness()
     config = EpisodeConfig(
         (part,),
-        pieces=PIECES,
+        pieces=pieces,
         seed=episode_seed(seed, part, 0),
         sensor=sensor,
         localizer="oracle",
@@ -95,8 +95,8 @@ def known_scene(part: str, seed: int, sensor: str = "lab") -> KnownScene:
     return KnownScene(part, sensor, tuple(witness.views), witness.workspace, witness.pieces)
 
 
-def known_scenes(use: str, size: Size, sensors: Sequence[str] = ("lab",)) -> list[KnownScene]:
+def known_scenes(use: str, size: Size, sensors: Sequence[str] = ("lab",), pieces: int = PIECES) -> list[KnownScene]:
     """The first scenes of each part and sensor for "tuning" or "validation"."""
     print_line(f"photographing {use} scenes")
     parts, seeds = PARTS[-1:] if size.quick else PARTS, SCENES[use][: size.number]
-    return [known_scene(part, seed, sensor) for part in parts for sensor in sensors for seed in seeds]
+    return [known_scene(part, seed, sensor, pieces) for part in parts for sensor in sensors for seed in seeds]

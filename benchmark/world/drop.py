@@ -45,7 +45,7 @@ def drop_pieces(
     """Let the pieces fall into the bin one after another, each from a random pose just above the heap.
 
     A piece rests when neither its centre nor its rim moves faster than a hundredth of its diameter per second; the
-    drop is over when all pieces in the bin have rested for 0.2 s on end, or after 6 s.
+    drop is over when all pieces in the bin have rested for 0.2 s on end, or 6 s after the last one was let go.
 
     Args:
         model: the compiled cell.
@@ -56,12 +56,11 @@ def drop_pieces(
     """
     bodies = [model.body(f"piece_{i}").id for i in range(config.pieces)]
     diameters = np.array([get_part(name).diameter_m for name in config.piece_parts])
-    start = data.time
     _hover(model, data, bodies)
     for number, body in enumerate(bodies):
         _release(model, data, config, rng, bodies[:number], body, diameters[number])
         _run(model, data, 0.1 + 0.6 * float(np.sqrt(diameters[number])), on_step)
-    resting_since = data.time
+    start = resting_since = data.time
     while data.time - start < TIMEOUT_S:
         _run(model, data, _CHECK_EVERY_STEPS * model.opt.timestep, on_step)
         inside = in_bin(data, config, bodies)

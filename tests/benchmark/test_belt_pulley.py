@@ -65,7 +65,7 @@ def test_it_is_found_in_dropped_scenes(model, tmp_path, monkeypatch):
     clear = []
     for scene in range(sweep.scenes):
         record = run_episode(sweep.episode(mesh, scene))
-        clear += [p.results["dual"] for p in record.pieces if p.in_bin and p.visibility >= HALF_VISIBLE]
+        clear += [p.results["focal"] for p in record.pieces if p.in_bin and p.visibility >= HALF_VISIBLE]
     assert len(clear) >= 10
     matched = [result.errors for result in clear if result.matched]
     assert len(matched) >= 0.95 * len(clear) - 0.5

@@ -9,7 +9,7 @@ import pytest
 
 from benchmark.config import SweepConfig, Variant
 from benchmark.models import load_model
-from benchmark.report.circle_errors import circle_errors, study_circles
+from benchmark.report.circle_errors import circle_deviations, keep_taught, read_taught
 from benchmark.study.taught_models import model_path
 from benchmark.world.parts import get_part
 from vision.geometry.circle import Circle
@@ -34,24 +34,26 @@ def drawn(name, shift_m=0.0, swell_m=0.0, tilt_rad=0.0):
 
 def test_circles_of_the_drawing_have_no_error():
     model = drawn("cover1")
-    errors = circle_errors(model, get_part("cover1"))
-    assert errors.centre_mm.n == errors.radius_mm.n == errors.tilt_deg.n == len(model.features)
-    assert (errors.centre_mm.mean, errors.radius_mm.mean, errors.tilt_deg.mean) == pytest.approx((0, 0, 0), abs=1e-6)
+    for errors in vars(circle_deviations(model, get_part("cover1"))).values():
+        assert errors == pytest.approx([0] * len(model.features), abs=1e-6)
 
 
 def test_known_errors_are_found():
-    errors = circle_errors(drawn("cover1", 1e-4, -2e-4, 0.004), get_part("cover1"))
-    assert errors.centre_mm.mean == pytest.approx(0.1)
-    assert errors.radius_mm.mean == pytest.approx(0.2)
-    assert errors.tilt_deg.mean == pytest.approx(np.degrees(0.004))
-    assert errors.tilt_deg.std == pytest.approx(0, abs=1e-9)
+    errors = circle_deviations(drawn("cover1", 1e-4, -2e-4, 0.004), get_part("cover1"))
+    assert errors.centre_mm == pytest.approx([0.1] * len(errors.centre_mm))
+    assert errors.radius_mm == pytest.approx([0.2] * len(errors.radius_mm))
+    assert errors.tilt_deg == pytest.approx([np.degrees(0.004)] * len(errors.tilt_deg))
 
 
 def test_models_that_are_there_are_measured(tmp_path):
-    assert study_circles(CONFIG, tmp_path) == {}
+    assert read_taught(CONFIG, tmp_path).errors(CONFIG) == {}
     path = model_path(tmp_path, TAUGHT, "cover2")
     path.parent.mkdir(parents=True)
     save_model(drawn("cover2", shift_m=5e-5), path)
-    ((key, errors),) = study_circles(CONFIG, tmp_path).items()
+    taught = read_taught(CONFIG, tmp_path)
+    ((key, errors),) = taught.errors(CONFIG).items()
     assert key == (TAUGHT, "cover2")
     assert errors.centre_mm.mean == pytest.approx(0.05, abs=1e-4)
+    (tmp_path / "kept").mkdir()
+    keep_taught(taught, tmp_path / "kept")
+    assert read_taught(CONFIG, tmp_path / "kept") == taught

@@ -14,7 +14,7 @@ import pytest
 import benchmark.localizers.registry
 from benchmark import cli
 from benchmark.commands.progress import Pace, duration
-from benchmark.config import EpisodeConfig
+from benchmark.config import EpisodeConfig, preset
 from benchmark.doctor import check_gl, examine
 from benchmark.records.episode_record import EpisodeRecord, LocalizerResult, PieceRecord, PoseErrors
 from benchmark.records.store import EPISODES_FILE
@@ -24,7 +24,7 @@ SMALL = ("--scenes", "1", "--parts", "hub", "--workers", "1")
 
 def fake_episode(config: EpisodeConfig) -> EpisodeRecord:
     result = LocalizerResult(True, True, PoseErrors(0.5, 0.4, None, 0.4, 1.0))
-    results = {"region": result, "group": result, "dual": result}
+    results = {"focal-region": result, "focal-group": result, "focal": result}
     pieces = tuple(PieceRecord(i, config.parts[0], 0.9, True, results) for i in range(config.pieces))
     timings = {"drop": 0.5, "render": 0.25, "total": 2.0}
     return EpisodeRecord(
@@ -69,9 +69,9 @@ def test_sweep_then_table_then_check(
         assert "0.50 ± 0.00" in capsys.readouterr().out
     thresholds = tmp_path / "thresholds.toml"
     for limit, code, word in ((0.6, 0, "ok"), (0.4, 1, "MISSED")):
-        thresholds.write_text(f"[dual.hub]\ntranslation_mm_mean = {limit}")
+        thresholds.write_text(f"[focal.hub]\ntranslation_mm_mean = {limit}")
         assert cli.main(["check", str(out), "--thresholds", str(thresholds)]) == code
-        assert f"{word:6}  dual.hub.translation_mm_mean: 0.5 (n = 4)" in capsys.readouterr().out
+        assert f"{word:6}  focal.hub.translation_mm_mean: 0.5 (n = 4)" in capsys.readouterr().out
 
 
 def test_run_prints_each_piece(simulator: types.ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
@@ -81,9 +81,20 @@ def test_run_prints_each_piece(simulator: types.ModuleType, capsys: pytest.Captu
     assert "drop 0.50 s" in out
 
 
+def test_run_is_an_episode_of_the_paper_where_nothing_else_is_said(
+    simulator: types.ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seed = preset("table1").seed
+    for scene, pieces in ((s, preset("table1").episode("hub", s).pieces) for s in range(3)):
+        assert cli.main(["run", "--part", "hub", "--seed", str(seed), "--scene", str(scene)]) == 0
+        assert capsys.readouterr().out.count("0.50 mm, tilt 0.40°") == 3 * pieces
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["sweep", "--pieces", "6-4"], "pieces: got 6-4; expected a number from 1 to 12, or two of them such as 4-6"),
+        (["run", "--pieces", "many"], "pieces: got many; expected a number from 1 to 12"),
         (["sweep", "--parts", "hat"], "got hat; expected one of hub, cover1, cover2"),
         (["sweep", "--parts", "hub,,cover1"], "got nothing"),
         (["sweep", "--sensor", "moon"], "expected ideal or lab or shopfloor"),
@@ -150,7 +161,7 @@ def test_wrong_thresholds_key(
 ) -> None:
     cli.main(["sweep", *SMALL, "--out", str(tmp_path)])
     thresholds = tmp_path / "thresholds.toml"
-    thresholds.write_text("[dual.hub]\nmatching = 1")
+    thresholds.write_text("[focal.hub]\nmatching = 1")
     message = fails_with_one_line(capsys, "check", str(tmp_path), "--thresholds", str(thresholds))
     assert "matching_rate_low" in message
 

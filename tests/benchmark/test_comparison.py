@@ -26,9 +26,9 @@ def at(x_mm: float = 0.0, tilt_deg: float = 0.0) -> LocalizerResult:
 
 
 def episode(*pieces: LocalizerResult, config=HUBS, **changes: object) -> EpisodeRecord:
-    """One part's pieces, each as the localizer dual saw it."""
+    """One part's pieces, each as the localizer focal saw it."""
     records = tuple(
-        PieceRecord(i, config.parts[0], 1.0, True, {"dual": result}, None) for i, result in enumerate(pieces)
+        PieceRecord(i, config.parts[0], 1.0, True, {"focal": result}, None) for i, result in enumerate(pieces)
     )
     record = EpisodeRecord(config.key, config.parts, config.scene, config.seed, config.config_hash, pieces=records)
     return replace(record, **changes)
@@ -38,7 +38,7 @@ def test_distances_are_those_between_the_two_estimates() -> None:
     first = [episode(at(0.10), at(0.20, 1.0)), episode(at(-0.30), config=MORE_HUBS)]
     second = [episode(at(0.11), at(0.20, 1.5)), episode(at(0.30), config=MORE_HUBS)]
     (hub,) = compare(first, second).comparisons
-    assert (hub.part, hub.method, hub.both) == ("hub", "dual", 3)
+    assert (hub.part, hub.method, hub.both) == ("hub", "focal", 3)
     assert hub.position_mm is not None
     assert hub.rotation_deg is not None
     assert (hub.position_mm.median, hub.position_mm.largest) == pytest.approx((0.01, 0.60))
@@ -71,15 +71,20 @@ def test_nothing_is_measured_where_nothing_was_matched_twice() -> None:
 
 
 def test_each_part_and_localizer_is_counted_by_itself() -> None:
-    def both(config, dual: LocalizerResult, region: LocalizerResult) -> EpisodeRecord:
-        record = episode(dual, config=config)
-        return replace(record, pieces=(replace(record.pieces[0], results={"dual": dual, "region": region}),))
+    def both(config, focal: LocalizerResult, region: LocalizerResult) -> EpisodeRecord:
+        record = episode(focal, config=config)
+        return replace(record, pieces=(replace(record.pieces[0], results={"focal": focal, "focal-region": region}),))
 
     first = [both(HUBS, at(), at()), both(COVERS, at(), MISSED)]
     second = [both(HUBS, at(), at(1.0)), both(COVERS, MISSED, MISSED)]
     apart = compare(first, second)
     different = {(c.part, c.method): c.different for c in apart.comparisons}
-    assert different == {("hub", "dual"): 0, ("hub", "region"): 1, ("cover1", "dual"): 1, ("cover1", "region"): 0}
+    assert different == {
+        ("hub", "focal"): 0,
+        ("hub", "focal-region"): 1,
+        ("cover1", "focal"): 1,
+        ("cover1", "focal-region"): 0,
+    }
 
 
 def test_only_episodes_that_both_finished_are_compared() -> None:

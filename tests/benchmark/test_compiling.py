@@ -81,15 +81,15 @@ def meeting_episode(config: EpisodeConfig, directory: Path) -> EpisodeRecord:
 def test_what_one_localizer_needs_is_not_what_another_one_needs() -> None:
     compiling.note_done("oracle")
     assert compiling.is_done("oracle")
-    assert not compiling.is_done("dual")
+    assert not compiling.is_done("focal")
 
 
 def test_another_processor_has_to_compile_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CPU_NAME", "generic")
-    compiling.note_done("dual")
-    assert compiling.is_done("dual")
+    compiling.note_done("focal")
+    assert compiling.is_done("focal")
     monkeypatch.delenv("NUMBA_CPU_NAME")
-    assert not compiling.is_done("dual")
+    assert not compiling.is_done("focal")
 
 
 def test_a_failed_first_episode_has_not_compiled(tmp_path: Path) -> None:
@@ -128,9 +128,9 @@ def test_without_a_folder_or_locks_nobody_waits(monkeypatch: pytest.MonkeyPatch)
     with compiling.alone(pytest.fail):
         pass
     monkeypatch.delenv("NUMBA_CACHE_DIR")
-    compiling.note_done("dual")
+    compiling.note_done("focal")
     with compiling.alone(pytest.fail):
-        assert not compiling.is_done("dual")
+        assert not compiling.is_done("focal")
 
 
 def test_kernels_that_are_not_kept_are_told_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,13 +22,16 @@ STUDIES = ("calibration", "teaching")
 def test_reference_records_are_those_of_the_preset_and_would_be_resumed():
     config, records = read_config(REFERENCE), read_records(REFERENCE)
     assert config == preset("table1", workers=config.workers)
-    assert config.config_hash == "a905ab074385294ea578e54108950c18a672046d1a6d0c177fd0e66c160726e3"
     hashes = {episode.key: episode.config_hash for episode in episodes(config)}
     assert {record.key: record.config_hash for record in records} == hashes
 
 
-def test_a_sweep_without_variants_is_stored_as_before():
-    assert list(as_fields(preset("table1"))) == list(json.loads((REFERENCE / "sweep.json").read_text()))[1:]
+def test_a_sweep_of_the_first_version_is_read_and_keeps_its_hash():
+    fields = {"parts": ["hub", "cover1", "cover2"], "scenes": 35, "pieces": 4, "sensor": "lab", "localizer": "focal"}
+    fields |= {"views": 3, "seed": 0, "task": "pick", "workers": 2}
+    config = decode(SweepConfig, fields, "x")
+    assert as_fields(config) == {**fields, "parts": tuple(fields["parts"])}
+    assert config.config_hash == "7551527bc8eafb2c0f537b9310815238935bc76acaa78ba0dbafa6629dce7811"
 
 
 @pytest.mark.parametrize("name", STUDIES)
@@ -50,6 +54,34 @@ def test_calibration_goes_from_0_to_2_mm_and_teaching_over_clicks_and_views():
     assert [v.hand_eye_mm for v in preset("calibration").variants] == [0, 0.25, 0.5, 1, 1.5, 2]
     taught = {(v.click_sigma_px, v.taught_views) for v in preset("teaching").variants}
     assert taught == {(click, views) for click in (0, 1, 2, 3, 5) for views in (2, 3, 4, 5)}
+
+
+def test_heaps_have_as_many_pieces_as_their_seed_says():
+    plan = episodes(preset("table1"))
+    counts = Counter(episode.pieces for episode in plan)
+    assert set(counts) == {4, 5, 6}
+    assert min(counts.values()) >= 20  # of 105; 35 are expected
+    again = {episode.key: episode.pieces for episode in episodes(preset("table1", parts=("cover1",), scenes=3))}
+    assert again.items() <= {episode.key: episode.pieces for episode in plan}.items()
+    assert {episode.pieces for episode in episodes(preset("heap"))} == {8, 9, 10, 11, 12}
+
+
+def test_a_range_of_pieces_is_stored_and_one_number_is_none(tmp_path):
+    config = preset("heap")
+    with RecordWriter(tmp_path, config):
+        pass
+    assert read_config(tmp_path) == config
+    assert "most_pieces" in as_fields(config)
+    five = SweepConfig(("hub",), pieces=5, most_pieces=5)
+    assert five == SweepConfig(("hub",), pieces=5)
+    assert "most_pieces" not in as_fields(five)
+    assert (config.pieces_in_words, five.pieces_in_words) == ("8 to 12", "5")
+
+
+@pytest.mark.parametrize("most", [3, 13, True])
+def test_a_range_of_pieces_that_makes_no_sense_is_refused(most):
+    with pytest.raises(InputError, match=r"most pieces: got .*a whole number, from 4 to 12"):
+        SweepConfig(("hub",), pieces=4, most_pieces=most)
 
 
 def test_another_study_in_the_directory_is_refused_by_name(tmp_path):

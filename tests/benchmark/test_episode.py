@@ -18,7 +18,7 @@ SEEDS = {"hub": 10_101, "cover1": 10_102, "cover2": 10_103}
 
 
 def config(part, **changes):
-    fields = {"seed": SEEDS[part], "sensor": "lab", "localizer": "dual", "task": "none"} | changes
+    fields = {"seed": SEEDS[part], "sensor": "lab", "localizer": "focal", "task": "none"} | changes
     return EpisodeConfig((part,), **fields)
 
 
@@ -31,7 +31,7 @@ def records():
 @pytest.mark.parametrize("part", SEEDS)
 def test_a_piece_is_found_within_a_millimetre(part, records):
     record = records[part]
-    found = [p.results["dual"].errors.translation_mm for p in record.pieces if p.results["dual"].matched]
+    found = [p.results["focal"].errors.translation_mm for p in record.pieces if p.results["focal"].matched]
     assert found
     assert min(found) < 1.0
 
@@ -43,11 +43,11 @@ def test_the_record_tells_what_was_run_and_what_became_of_each_piece(part, recor
     assert (record.key, record.seed, record.config_hash) == (asked.key, asked.seed, asked.config_hash)
     assert len(record.pieces) == asked.pieces
     assert record.picks == ()
-    assert set(record.false_positives) == {"region", "group", "dual"}
+    assert set(record.false_positives) == {"focal-region", "focal-group", "focal"}
     for piece in record.pieces:
-        assert set(piece.results) == {"region", "group", "dual"}
+        assert set(piece.results) == {"focal-region", "focal-group", "focal"}
         assert 0 <= piece.visibility <= 1
-        assert (piece.failed_stage is None) == (piece.in_bin and piece.results["dual"].matched)
+        assert (piece.failed_stage is None) == (piece.in_bin and piece.results["focal"].matched)
         for result in piece.results.values():
             assert (result.errors is not None) == result.matched
 
@@ -77,8 +77,8 @@ def test_a_seed_gives_the_same_record_again_and_an_observer_changes_nothing(reco
 
     notes = Notes()
     record = run_episode(config("cover1"), notes)
-    matched = sum(p.results["dual"].matched for p in record.pieces)
-    estimates = matched + record.false_positives["dual"]
+    matched = sum(p.results["focal"].matched for p in record.pieces)
+    estimates = matched + record.false_positives["focal"]
     assert notes.told == ["begin", "view 1", "view 2", "view 3", f"localized {estimates} {estimates}"]
     assert to_json(strip_timings(record)) == to_json(strip_timings(records["cover1"]))
 
@@ -97,7 +97,7 @@ def test_a_bin_larger_than_a_picture_is_photographed_from_several_stations():
     cells.close()
     assert len(places) > 1
     assert len(watcher.views) == 2 * len(places)
-    assert sum(piece.results["dual"].matched for piece in record.pieces) >= 3
+    assert sum(piece.results["focal"].matched for piece in record.pieces) >= 3
 
 
 class Watcher(EpisodeObserver):

@@ -20,7 +20,7 @@ from vision.errors import FileFormatError, InputError
 
 CONFIG = SweepConfig(parts=("hub",), scenes=1)
 ERRORS = PoseErrors(0.8, 1.0, None, 1.0, 2.0)
-RESULTS = [{"dual": LocalizerResult(True, True, ERRORS, NormalizedError(e, 5))} for e in (1.0, 3.0, 5.0, 40.0)]
+RESULTS = [{"focal": LocalizerResult(True, True, ERRORS, NormalizedError(e, 5))} for e in (1.0, 3.0, 5.0, 40.0)]
 EPISODE = CONFIG.episode("hub", 0)
 RECORD = EpisodeRecord(
     key=EPISODE.key,
@@ -30,7 +30,8 @@ RECORD = EpisodeRecord(
     config_hash=EPISODE.config_hash,
     pieces=tuple(PieceRecord(i, "hub", 0.9, True, result) for i, result in enumerate(RESULTS)),
     picks=(PickRecord(True, 0, True),),
-)  # four of four matched: the lower bound is 51 %; three of four inside their ellipsoid
+    false_positives={"focal": 1},
+)  # four of four matched: the lower bound is 51 %; three of four inside their ellipsoid; one of five poses is false
 
 
 def judge(tmp_path: Path, text: str, *records: EpisodeRecord) -> dict[str, Verdict]:
@@ -44,12 +45,14 @@ def judge(tmp_path: Path, text: str, *records: EpisodeRecord) -> dict[str, Verdi
 @pytest.mark.parametrize(
     ("section", "key", "good", "bad"),
     [
-        ("dual.hub", "matching_rate_low", 0.5, 0.52),
-        ("dual.hub", "extraction_rate_low", 0.5, 0.52),
-        ("dual.hub", "translation_mm_mean", 0.81, 0.79),
-        ("dual.hub", "tilt_deg_mean", 1.0, 0.9),
-        ("dual.hub", "coverage_min", 0.75, 0.76),
-        ("dual.hub", "coverage_max", 0.75, 0.74),
+        ("focal.hub", "matching_rate_low", 0.5, 0.52),
+        ("focal.hub", "extraction_rate_low", 0.5, 0.52),
+        ("focal.hub", "translation_mm_mean", 0.81, 0.79),
+        ("focal.hub", "translation_mm_median", 0.81, 0.79),
+        ("focal.hub", "tilt_deg_mean", 1.0, 0.9),
+        ("focal.hub", "false_poses_max", 0.21, 0.19),
+        ("focal.hub", "coverage_min", 0.75, 0.76),
+        ("focal.hub", "coverage_max", 0.75, 0.74),
         ("picks.hub", "rate_low", 0.2, 0.21),
     ],
 )
@@ -63,7 +66,7 @@ def test_a_threshold_is_met_or_missed(tmp_path: Path, section: str, key: str, go
     assert "missed by" in str(verdict)
 
 
-@pytest.mark.parametrize("section", ["dual.cover1", "region.hub", "group.hub"])
+@pytest.mark.parametrize("section", ["focal.cover1", "focal-region.hub", "focal-group.hub"])
 def test_an_empty_sample_misses_every_threshold(tmp_path: Path, section: str) -> None:
     verdicts = judge(tmp_path, f"[{section}]\nmatching_rate_low = 0.0\ntranslation_mm_mean = 99")
     for key in ("matching_rate_low", "translation_mm_mean"):
@@ -72,14 +75,16 @@ def test_an_empty_sample_misses_every_threshold(tmp_path: Path, section: str) ->
 
 
 def test_records_without_covariances_miss_a_coverage(tmp_path: Path) -> None:
-    old = tuple(replace(piece, results={"dual": LocalizerResult(True, True, ERRORS)}) for piece in RECORD.pieces)
-    verdict = judge(tmp_path, "[dual.hub]\ncoverage_max = 1.0", replace(RECORD, pieces=old))["dual.hub.coverage_max"]
+    old = tuple(replace(piece, results={"focal": LocalizerResult(True, True, ERRORS)}) for piece in RECORD.pieces)
+    verdict = judge(tmp_path, "[focal.hub]\ncoverage_max = 1.0", replace(RECORD, pieces=old))[
+        "focal.hub.coverage_max"
+    ]
     assert (verdict.passed, verdict.value, verdict.n) == (False, None, 0)
 
 
 def test_a_visibility_of_its_own(tmp_path: Path) -> None:
-    text = "min_visibility = 0.95\n[dual.hub]\nmatching_rate_low = 0.1"
-    assert judge(tmp_path, text)["dual.hub.matching_rate_low"].n == 0
+    text = "min_visibility = 0.95\n[focal.hub]\nmatching_rate_low = 0.1"
+    assert judge(tmp_path, text)["focal.hub.matching_rate_low"].n == 0
 
 
 def test_failed_and_missing_episodes_miss_unless_allowed(tmp_path: Path) -> None:
@@ -97,19 +102,19 @@ def test_failed_and_missing_episodes_miss_unless_allowed(tmp_path: Path) -> None
     ("text", "message"),
     [
         (
-            "[dual.hub]\nmatch_rate = 0.5",
-            r"dual.hub.match_rate: got an unknown key; expected one of .*matching_rate_low",
+            "[focal.hub]\nmatch_rate = 0.5",
+            r"focal.hub.match_rate: got an unknown key; expected one of .*matching_rate_low",
         ),
         ("[picks.hub]\nmatching_rate_low = 0.5", r"expected one of rate_low"),
         ("[episodes]\nlost = 0", r"expected one of failed, missing"),
         ("visibility = 0.5", r"visibility: got an unknown key"),
-        ("[dual]\nmatching_rate_low = 0.5", r"a section \[dual.PART\]"),
-        ("[dual.hub]\nmatching_rate_low = 'high'", r"got 'high'; expected a number"),
-        ("[dual.hub]\nmatching_rate_low = true", r"expected a number"),
-        ("[duel.hub]\nmatching_rate_low = 0.5", r"got duel; expected one of region, group, dual, picks"),
-        ("[dual.hat]\nmatching_rate_low = 0.5", r"got hat; expected one of hub, cover1, cover2"),
+        ("[focal]\nmatching_rate_low = 0.5", r"a section \[focal.PART\]"),
+        ("[focal.hub]\nmatching_rate_low = 'high'", r"got 'high'; expected a number"),
+        ("[focal.hub]\nmatching_rate_low = true", r"expected a number"),
+        ("[duel.hub]\nmatching_rate_low = 0.5", r"got duel; expected one of focal-region, focal-group, focal, picks"),
+        ("[focal.hat]\nmatching_rate_low = 0.5", r"got hat; expected one of hub, cover1, cover2"),
         ("min_visibility = 2", r"a share from 0 to 1"),
-        ("[dual.hub", r"expected TOML"),
+        ("[focal.hub", r"expected TOML"),
     ],
 )
 def test_a_wrong_file_is_refused_with_what_would_be_right(tmp_path: Path, text: str, message: str) -> None:
@@ -122,8 +127,9 @@ def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
         read_thresholds(tmp_path / "none.toml")
 
 
-@pytest.mark.parametrize("name", ["table1", "smoke"])
-def test_the_examples_are_valid(name: str) -> None:
-    directory = Path(__file__).parents[2] / "benchmark" / "thresholds"
-    thresholds = read_thresholds(directory / f"{name}.toml")
+@pytest.mark.parametrize("file", sorted((Path(__file__).parents[2] / "benchmark" / "thresholds").glob("*.toml")))
+def test_every_file_is_valid_and_bounds_the_false_poses_of_every_part(file: Path) -> None:
+    thresholds = read_thresholds(file)
     assert len(check(build_table(CONFIG, [RECORD]), thresholds)) == len(thresholds.limits) > 6
+    limited = {limit.part for limit in thresholds.limits if limit.key == "false_poses_max"}
+    assert limited == {"hub", "cover1", "cover2"}

@@ -73,7 +73,7 @@ def test_poses_are_printed_for_people_and_drawn(pictures, model, scene, tmp_path
 
 def test_one_extractor_can_be_chosen(pictures, model, capsys):
     command = ["localize", "--views", str(pictures), "--model", str(model), *BOX, "--format", "json"]
-    assert cli.main([*command, "--localizer", "region"]) == 0
+    assert cli.main([*command, "--localizer", "focal-region"]) == 0
     assert {e["process"] for e in json.loads(capsys.readouterr().out)} == {"region"}
 
 

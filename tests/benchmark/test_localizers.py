@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 import benchmark.localizers.registry
 from benchmark.config import EpisodeConfig
-from benchmark.localizers.registry import make_localizer, with_answers_alone
+from benchmark.localizers.registry import make_localizer, with_single_extractor_answers
 from benchmark.models import load_model
 from vision.errors import InputError
 from vision.localizer import EllipseLocalizer, Localization
@@ -57,9 +57,10 @@ def offered(monkeypatch, mine):
 
 
 @pytest.mark.parametrize(
-    ("name", "extractors"), [("dual", ("region", "group")), ("region", ("region",)), ("group", ("group",))]
+    ("name", "extractors"),
+    [("focal", ("region", "group")), ("focal-region", ("region",)), ("focal-group", ("group",))],
 )
-def test_the_papers_localizers_go_by_their_names(name, extractors):
+def test_the_projects_localizers_go_by_their_names(name, extractors):
     models = [load_model("hub"), load_model("cover1")]
     localizer = make_localizer(name, models, no_truth)
     assert isinstance(localizer, EllipseLocalizer)
@@ -68,12 +69,25 @@ def test_the_papers_localizers_go_by_their_names(name, extractors):
     assert localizer.models == tuple(models)
 
 
-@pytest.mark.parametrize("name", ["dual", "region", "group"])
-def test_the_papers_localizers_are_told_how_good_the_calibration_is(name):
+@pytest.mark.parametrize("name", ["focal", "focal-region", "focal-group"])
+def test_the_projects_localizers_are_told_how_good_the_calibration_is(name):
     models = [load_model("hub")]
     told = CalibrationError(hand_eye_translation_m=1e-3)
     assert make_localizer(name, models, no_truth, told).parameters.calibration == told
     assert make_localizer(name, models, no_truth).parameters == EllipseLocalizer(models).parameters
+
+
+@pytest.mark.parametrize("name", ["paper", "previous"])
+def test_the_papers_own_system_goes_by_its_names(name):
+    models = [load_model("hub")]
+    assert make_localizer(name, models, no_truth).name == name
+
+
+@pytest.mark.parametrize(("old", "new"), [("dual", "focal"), ("region", "focal-region"), ("group", "focal-group")])
+def test_a_name_of_older_versions_is_answered_with_the_new_one(old, new):
+    with pytest.raises(InputError) as refusal:
+        make_localizer(old, [], no_truth)
+    assert str(refusal.value) == f"localizer: got {old}; expected {new}. It is called {new} now."
 
 
 def test_oracle_knows_the_truth_and_asks_for_it_late():
@@ -106,7 +120,10 @@ def test_entry_point_is_found_by_name(offered):
 def test_the_papers_system_from_a_users_factory_is_asked_what_each_extractor_alone_says(mine):
     mine.make = EllipseLocalizer
     localizer = make_localizer("mine:make", [load_model("cover1")], no_truth)
-    assert set(with_answers_alone(localizer, Localization(()), [], None).by_extractor) == {"region", "group"}
+    assert set(with_single_extractor_answers(localizer, Localization(()), [], None).by_extractor) == {
+        "focal-region",
+        "focal-group",
+    }
 
 
 @pytest.mark.parametrize("name", ["mine:number", "os:sep"])
@@ -134,17 +151,16 @@ def test_broken_entry_point_is_refused(offered):
 def test_unknown_name_is_answered_with_the_known_ones(offered):
     with pytest.raises(InputError) as refusal:
         make_localizer("best", [], no_truth)
-    assert "got best; expected dual, region, group, oracle, blind, broken, or package.module:factory" in str(
-        refusal.value
-    )
+    known = "focal, focal-region, focal-group, paper, previous, oracle, blind, broken, or package.module:factory"
+    assert f"got best; expected {known}" in str(refusal.value)
 
 
-@pytest.mark.parametrize("name", ["dual", "mine:make", "blind", "my.package.module:Factory.make"])
+@pytest.mark.parametrize("name", ["focal", "mine:make", "blind", "my.package.module:Factory.make"])
 def test_config_takes_any_localizer_that_could_exist(name):
     assert EpisodeConfig(("hub",), localizer=name).localizer == name
 
 
-@pytest.mark.parametrize("name", ["", " ", "two words", " dual"])
+@pytest.mark.parametrize("name", ["", " ", "two words", " focal"])
 def test_config_refuses_what_is_no_name(name):
     with pytest.raises(InputError, match="localizer"):
         EpisodeConfig(("hub",), localizer=name)

@@ -9,19 +9,19 @@ from benchmark.records.episode_record import EpisodeRecord, LocalizerResult, Pie
 from benchmark.report.margins import design_effect, newcombe_interval, paired_margin
 
 HIT, MISS = LocalizerResult(True, True, PoseErrors(0.1, 0.1, None, 0.1, 0.1)), LocalizerResult(True, False)
-BOTH, DUAL, REGION, NEITHER = (HIT, HIT), (HIT, MISS), (MISS, HIT), (MISS, MISS)
+BOTH, FOCAL, REGION, NEITHER = (HIT, HIT), (HIT, MISS), (MISS, HIT), (MISS, MISS)
 
 
 def scene(number: int, *outcomes: tuple[LocalizerResult, LocalizerResult], visibility: float = 0.9) -> EpisodeRecord:
     pieces = tuple(
-        PieceRecord(i, "hub", visibility, True, {"dual": dual, "region": region})
-        for i, (dual, region) in enumerate(outcomes)
+        PieceRecord(i, "hub", visibility, True, {"focal": focal, "focal-region": region})
+        for i, (focal, region) in enumerate(outcomes)
     )
     return EpisodeRecord(f"hub/{number:03d}", ("hub",), number, 0, "", pieces=pieces)
 
 
 def margin(records: list[EpisodeRecord], min_visibility: float = 0.5):
-    return paired_margin(records, "hub", ("dual", "region"), min_visibility)
+    return paired_margin(records, "hub", ("focal", "focal-region"), min_visibility)
 
 
 def test_interval_is_the_one_in_newcombes_paper():
@@ -56,7 +56,7 @@ def test_interval_of_extreme_counts_holds_the_difference(counts):
 
 
 def test_margin_counts_each_piece_once():
-    records = [scene(0, BOTH, DUAL, DUAL, NEITHER), scene(1, BOTH, REGION, BOTH), scene(2, NEITHER)]
+    records = [scene(0, BOTH, FOCAL, FOCAL, NEITHER), scene(1, BOTH, REGION, BOTH), scene(2, NEITHER)]
     found = margin(records)
     assert (found.n, found.scenes, found.method_only, found.rival_only) == (8, 3, 2, 1)
     assert found.margin == pytest.approx(1 / 8)
@@ -64,8 +64,8 @@ def test_margin_counts_each_piece_once():
 
 def test_only_pieces_that_are_visible_in_the_bin_and_judged_by_both_count():
     records = [
-        scene(0, BOTH, DUAL),
-        scene(1, DUAL, DUAL, visibility=0.3),
+        scene(0, BOTH, FOCAL),
+        scene(1, FOCAL, FOCAL, visibility=0.3),
         EpisodeRecord(
             "hub/002",
             ("hub",),
@@ -73,9 +73,9 @@ def test_only_pieces_that_are_visible_in_the_bin_and_judged_by_both_count():
             0,
             "",
             pieces=(
-                PieceRecord(0, "hub", 0.9, False, {"dual": HIT, "region": MISS}),
-                PieceRecord(1, "hub", 0.9, True, {"dual": HIT}),
-                PieceRecord(2, "cover1", 0.9, True, {"dual": HIT, "region": MISS}),
+                PieceRecord(0, "hub", 0.9, False, {"focal": HIT, "focal-region": MISS}),
+                PieceRecord(1, "hub", 0.9, True, {"focal": HIT}),
+                PieceRecord(2, "cover1", 0.9, True, {"focal": HIT, "focal-region": MISS}),
             ),
         ),
     ]
@@ -84,10 +84,10 @@ def test_only_pieces_that_are_visible_in_the_bin_and_judged_by_both_count():
 
 
 def test_a_clear_margin_excludes_zero_and_a_single_disagreement_does_not():
-    clear = [scene(i, BOTH, BOTH, BOTH, DUAL) for i in range(20)]
+    clear = [scene(i, BOTH, BOTH, BOTH, FOCAL) for i in range(20)]
     assert margin(clear).excludes_zero is True
     assert margin(clear).low > 0.1
-    lone = [scene(0, BOTH, DUAL), *(scene(i, BOTH, BOTH) for i in range(1, 20))]
+    lone = [scene(0, BOTH, FOCAL), *(scene(i, BOTH, BOTH) for i in range(1, 20))]
     assert margin(lone).excludes_zero is False
     against = [scene(i, BOTH, BOTH, BOTH, REGION) for i in range(20)]
     assert margin(against).excludes_zero is True
@@ -95,9 +95,9 @@ def test_a_clear_margin_excludes_zero_and_a_single_disagreement_does_not():
 
 
 def test_pieces_that_only_repeat_their_scene_are_worth_no_more_than_one():
-    single = [scene(i, outcome) for i, outcome in enumerate([BOTH] * 14 + [DUAL] * 5 + [REGION] + [NEITHER] * 4)]
+    single = [scene(i, outcome) for i, outcome in enumerate([BOTH] * 14 + [FOCAL] * 5 + [REGION] + [NEITHER] * 4)]
     fourfold = [
-        scene(i, *[outcome] * 4) for i, outcome in enumerate([BOTH] * 14 + [DUAL] * 5 + [REGION] + [NEITHER] * 4)
+        scene(i, *[outcome] * 4) for i, outcome in enumerate([BOTH] * 14 + [FOCAL] * 5 + [REGION] + [NEITHER] * 4)
     ]
     assert margin(fourfold).margin == margin(single).margin
     # The design effect is four, but for the degrees of freedom that the scenes' own mean costs.
@@ -116,7 +116,7 @@ def test_design_effect_of_scenes_that_agree_within_is_their_size():
 
 
 def test_one_scene_or_none_has_no_interval():
-    one = margin([scene(0, BOTH, DUAL)])
+    one = margin([scene(0, BOTH, FOCAL)])
     assert (one.margin, one.low, one.high, one.excludes_zero) == (0.5, None, None, None)
     none = margin([])
     assert (none.n, none.margin, none.excludes_zero) == (0, None, None)

@@ -300,8 +300,12 @@ def test_a_cache_that_cannot_be_read_is_named(tmp_path, cache, monkeypatch):
     path = saved(tmp_path / "closed.stl", ring())
     part_from_mesh(path)
 
-    def closed(self, *_, **__):
-        raise PermissionError(13, "Permission denied", str(self))
+    read_text = Path.read_text
+
+    def closed(self, *arguments, **options):
+        if cache in self.parents:
+            raise PermissionError(13, "Permission denied", str(self))
+        return read_text(self, *arguments, **options)
 
     monkeypatch.setattr(Path, "read_text", closed)
     with pytest.raises(ResourceError, match=r"Permission denied; expected a directory .* Set FOCALPICK_CACHE"):

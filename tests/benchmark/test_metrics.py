@@ -153,9 +153,10 @@ def test_a_flipped_part_is_not_matched() -> None:
     assert errors.mssd_mm > match_limit_mm(0.1) == pytest.approx(10)
 
 
-def test_extraction_needs_two_views_above_the_overlap() -> None:
-    assert is_extracted([0.81, 0.1, 0.9])
-    assert not is_extracted([0.8, 0.9, 0.8])
+def test_extraction_needs_one_circle_in_two_views_above_the_overlap() -> None:
+    assert is_extracted([[0.1, 0.0, 0.2], [0.81, 0.1, 0.9]])
+    assert not is_extracted([[0.8, 0.9, 0.8]])
+    assert not is_extracted([[0.9, 0.1, 0.1], [0.1, 0.9, 0.9 - 0.1]])
     assert not is_extracted([])
 
 

@@ -12,7 +12,7 @@ from rich.console import Console
 from benchmark import cli
 from benchmark.models import MODELS, load_model
 from benchmark.report.model_figure import draw_model, save_model_figure
-from benchmark.report.model_render import print_model
+from benchmark.report.model_text import print_model
 from vision.errors import InputError
 from vision.extraction import ExtractionThresholds
 

@@ -70,15 +70,15 @@ def test_texts_tell_how_it_went() -> None:
     good = LocalizerResult(True, True, PoseErrors(0.5, 0.25, None, 0.25, 1.0))
     missed = LocalizerResult(True, False)
     pieces = (
-        PieceRecord(0, "hub", 0.9, True, {"dual": good}),
-        PieceRecord(1, "hub", 0.4, True, {"dual": missed}, "matching"),
-        PieceRecord(2, "hub", 0.0, False, {"dual": LocalizerResult(False, False)}, "drop"),
+        PieceRecord(0, "hub", 0.9, True, {"focal": good}),
+        PieceRecord(1, "hub", 0.4, True, {"focal": missed}, "matching"),
+        PieceRecord(2, "hub", 0.0, False, {"focal": LocalizerResult(False, False)}, "drop"),
     )
-    errors = errors_text(Verdict(pieces, {"dual": 2}, (0, None, None)))
+    errors = errors_text(Verdict(pieces, {"focal": 2}, (0, None, None)))
     assert "| 0 | hub | 90% | 0.50 mm, 0.25° |" in errors
     assert "| 1 | hub | 40% | not matched |" in errors
     assert "| 2 | hub | fell out | not found |" in errors
-    assert "dual 2" in errors
+    assert "focal 2" in errors
     picks = (PickRecord(True, 0, False, "lift", "bore_front"),)
     record = EpisodeRecord("hub/000", ("hub",), 0, 7, "", pieces=pieces, picks=picks)
     assert summary(record) == "1 of 3 pieces localised, 0 of 1 picked"

@@ -17,7 +17,7 @@ from benchmark.records.store import RecordWriter
 from benchmark.report.circle_errors import CircleErrors
 from benchmark.report.study import Crossing, Study, build_study, last_within, study_to_dict
 from benchmark.report.study_figures import save_study_figures
-from benchmark.report.study_render import print_study, study_as_markdown
+from benchmark.report.study_text import print_study, study_as_markdown
 
 CALIBRATION = SweepConfig(
     ("hub", "cover2"), scenes=2, task="none", variants=tuple(Variant(hand_eye_mm=e) for e in (0, 1, 2))
@@ -37,7 +37,7 @@ def hit(translation_mm: float, rotation_deg: float) -> LocalizerResult:
 
 def recorded(config: EpisodeConfig, *results: LocalizerResult) -> EpisodeRecord:
     pieces = tuple(
-        PieceRecord(i, config.parts[0], 0.9, True, dict.fromkeys(("region", "group", "dual"), r))
+        PieceRecord(i, config.parts[0], 0.9, True, dict.fromkeys(("focal-region", "focal-group", "focal"), r))
         for i, r in enumerate(results)
     )
     return EpisodeRecord(config.key, config.parts, config.scene, config.seed, config.config_hash, pieces=pieces)
@@ -76,7 +76,7 @@ def shown(study: Study) -> str:
 
 
 def test_each_variant_has_its_own_point():
-    curve = calibration().curve("hub", "dual")
+    curve = calibration().curve("hub", "focal")
     assert [point.variant.hand_eye_mm for point in curve] == [0, 1, 2]
     assert [(point.half_visible.n, point.half_visible.successes) for point in curve] == [(8, 8), (8, 8), (8, 6)]
     assert [point.errors["translation_mm"].mean for point in curve] == pytest.approx([0.05, 4.0, 8.0])
@@ -85,7 +85,7 @@ def test_each_variant_has_its_own_point():
 
 def test_the_calibration_that_meets_table_1_is_interpolated():
     hub, _, _, cover, *_ = calibration().calibration_limits
-    assert (hub.part, hub.method, hub.published.translation_mm_mean) == ("hub", "dual", 3.4)
+    assert (hub.part, hub.method, hub.published.translation_mm_mean) == ("hub", "focal", 3.4)
     assert hub.translation == Crossing(pytest.approx((3.4 - 0.05) / (4 - 0.05)))
     assert hub.rotation == Crossing(2, is_beyond=True)
     assert hub.both == hub.translation
@@ -97,8 +97,8 @@ def test_processes_are_held_to_their_own_rows():
     published = {
         (limit.part, limit.method): limit.published.translation_mm_mean for limit in calibration().calibration_limits
     }
-    assert published["hub", "group"] == 3.5
-    assert published["cover2", "region"] == 2.2
+    assert published["hub", "focal-group"] == 3.5
+    assert published["cover2", "focal-region"] == 2.2
 
 
 @pytest.mark.parametrize(
@@ -131,8 +131,8 @@ def test_matched_share_is_taken_where_the_limit_is():
 
 def test_text_of_a_calibration_has_the_curve_and_the_limits():
     text = shown(calibration())
-    (row,) = (line.split() for line in text.splitlines() if line.startswith(" Hub") and "dual" in line)
-    assert row == ["Hub", "dual", "3.4", "0.85", "11.3", ">", "2", "0.85", "100%"]
+    (row,) = (line.split() for line in text.splitlines() if line.startswith(" Hub") and "focal" in line)
+    assert row == ["Hub", "focal", "3.4", "0.85", "11.3", ">", "2", "0.85", "100%"]
     assert "4.00 ± 0.11" in text
     assert max(map(len, text.splitlines())) <= 120
 
@@ -141,16 +141,16 @@ def test_text_of_a_teaching_has_a_column_for_each_number_of_views():
     text = shown(teaching())
     rows = [line.split() for line in text.splitlines()]
     assert ["Object", "Clicks", "(px)", "2", "views", "5", "views"] in rows
-    assert ["Hub", "0", "0.200", "±", "0.115", "0.200", "±", "0.115"] in rows
-    assert ["5", "0.100", "±", "0.000", "0.200", "±", "0.115"] in rows
-    assert ["Hub", "0", "–", "1.500", "±", "0.500"] in rows  # the centres of the one model that there is
-    assert ["Hub", "0", "–", "2.500", "±", "0.500"] in rows  # and its radii
+    assert ["Hub", "0", *(2 * ["0.200", "±", "0.115,", "0.200"])] in rows
+    assert ["5", "0.100", "±", "0.000,", "0.100", "0.200", "±", "0.115,", "0.200"] in rows
+    assert ["Hub", "0", "–", "1.500", "±", "0.500,", "1.500"] in rows  # the centres of the one model that there is
+    assert ["Hub", "0", "–", "2.500", "±", "0.500,", "2.500"] in rows  # and its radii
     assert "clicks-5px-2views/hub (no agreement)" in " ".join(text.split())
 
 
 def test_a_teaching_that_was_refused_counts_as_nothing_found():
     records = [taught(c) if c.variant.taught_views == 5 else recorded(c, MISS, MISS) for c in episodes(TEACHING)]
-    curve = {p.variant.name: p for p in build_study(TEACHING, records).curve("hub", "dual")}
+    curve = {p.variant.name: p for p in build_study(TEACHING, records).curve("hub", "focal")}
     assert curve["clicks-5px-2views"].half_visible.rate == 0.0
     assert curve["clicks-5px-2views"].errors["translation_mm"].mean is None
     assert curve["clicks-5px-5views"].half_visible.rate == 1.0
@@ -199,7 +199,7 @@ def test_table_prints_a_study_in_every_format(directory, capsys):
     assert "hand-eye error" in capsys.readouterr().out
     assert (directory / "calibration.png").exists()
     assert main(["table", str(directory), "--format", "md"]) == 0
-    assert "| Alternator Cover 2 | dual |" in capsys.readouterr().out
+    assert "| Alternator Cover 2 | focal |" in capsys.readouterr().out
     assert main(["table", str(directory), "--format", "json"]) == 0
     assert len(json.loads(capsys.readouterr().out)["calibration_limits"]) == 6
 

@@ -35,7 +35,7 @@ def fake_episode(config: EpisodeConfig) -> EpisodeRecord:
     pieces = []
     for index in range(config.pieces):
         results = {}
-        for name in ("region", "group", "dual"):
+        for name in ("focal-region", "focal-group", "focal"):
             matched = bool(rng.random() < 0.8)
             errors = PoseErrors(*rng.random(2), None, *rng.random(2)) if matched else None
             results[name] = LocalizerResult(matched or bool(rng.random() < 0.5), matched, errors)
@@ -48,7 +48,7 @@ def fake_episode(config: EpisodeConfig) -> EpisodeRecord:
         config_hash=config.config_hash,
         pieces=tuple(pieces),
         picks=(PickRecord(True, 0, bool(rng.random() < 0.7)),),
-        false_positives={"dual": 1},
+        false_positives={"focal": 1},
         timings_s={"total": time.perf_counter()},
     )
 
@@ -89,14 +89,21 @@ def test_order_is_round_robin_over_parts() -> None:
 
 def test_config_hash_covers_everything_but_workers() -> None:
     assert replace(CONFIG, workers=7).config_hash == CONFIG.config_hash
-    changes = {"parts": ("hub",), "scenes": 4, "pieces": 5, "sensor": "ideal", "localizer": "region", "views": 2}
+    changes = {
+        "parts": ("hub",),
+        "scenes": 4,
+        "pieces": 5,
+        "sensor": "ideal",
+        "localizer": "focal-region",
+        "views": 2,
+    }
     changes |= {"seed": 6, "task": "none"}
     hashes = {replace(CONFIG, **{name: value}).config_hash for name, value in changes.items()}
     assert len(hashes | {CONFIG.config_hash}) == len(changes) + 1
 
 
 def test_config_hash_is_the_same_on_every_machine() -> None:
-    assert SweepConfig(parts=("hub",)).config_hash.startswith("c6255c93393e1d39")
+    assert SweepConfig(parts=("hub",)).config_hash.startswith("5092883052a04657")
 
 
 def test_preset_keeps_what_is_not_changed() -> None:

@@ -20,7 +20,7 @@ from benchmark.records.episode_record import (
     PoseErrors,
 )
 from benchmark.report.figures import save_figures
-from benchmark.report.render import as_markdown, print_table
+from benchmark.report.table_text import as_markdown, print_table
 from benchmark.report.tables import build_table, to_dict
 from vision.errors import InputError
 
@@ -35,9 +35,9 @@ def matched(translation_mm: float, tilt_deg: float = 1.0) -> LocalizerResult:
 def piece(
     index: int, visibility: float, part: str = "hub", in_bin: bool = True, **results: LocalizerResult
 ) -> PieceRecord:
-    return PieceRecord(
-        index, part, visibility, in_bin, results, None if results.get("dual") != MISSED else "extraction"
-    )
+    methods = {f"focal-{name}" if name in ("region", "group") else name: found for name, found in results.items()}
+    failed = None if results.get("focal") != MISSED else "extraction"
+    return PieceRecord(index, part, visibility, in_bin, methods, failed)
 
 
 def record(kind: str = "hub", scene: int = 0, **fields: object) -> EpisodeRecord:
@@ -48,14 +48,14 @@ def record(kind: str = "hub", scene: int = 0, **fields: object) -> EpisodeRecord
 
 HUB = record(
     pieces=(
-        piece(0, 0.9, region=matched(1.0), group=FOUND, dual=matched(1.0)),
-        piece(1, 0.5, region=MISSED, group=matched(2.0), dual=matched(3.0, 2.0)),
-        piece(2, 0.2, region=matched(5.0), group=MISSED, dual=MISSED),
-        piece(3, 0.05, region=matched(50.0), group=matched(50.0), dual=matched(50.0)),
-        piece(4, 0.9, in_bin=False, region=MISSED, group=MISSED, dual=MISSED),
+        piece(0, 0.9, region=matched(1.0), group=FOUND, focal=matched(1.0)),
+        piece(1, 0.5, region=MISSED, group=matched(2.0), focal=matched(3.0, 2.0)),
+        piece(2, 0.2, region=matched(5.0), group=MISSED, focal=MISSED),
+        piece(3, 0.05, region=matched(50.0), group=matched(50.0), focal=matched(50.0)),
+        piece(4, 0.9, in_bin=False, region=MISSED, group=MISSED, focal=MISSED),
     ),
     picks=(PickRecord(True, 0, True), PickRecord(True, None, False, "grip"), PickRecord(False, None, False)),
-    false_positives={"dual": 2},
+    false_positives={"focal": 2},
 )
 
 
@@ -66,21 +66,22 @@ def success(table: dict, **wanted: object) -> dict:
 
 def test_rates_are_counted_over_what_is_visible_enough_and_in_the_bin() -> None:
     table = to_dict(build_table(CONFIG, [HUB]))
-    row = success(table, part="hub", method="dual", stage="matching", min_visibility=0.5)
+    row = success(table, part="hub", method="focal", stage="matching", min_visibility=0.5)
     assert (row["n"], row["successes"], row["rate"], row["published"]) == (2, 2, 1.0, 0.77)
     assert (row["low"], row["high"]) == wilson_interval(2, 2)
-    row = success(table, part="hub", method="dual", stage="matching", min_visibility=0.1)
+    row = success(table, part="hub", method="focal", stage="matching", min_visibility=0.1)
     assert (row["n"], row["successes"]) == (3, 2)
-    row = success(table, part="hub", method="region", stage="extraction", min_visibility=0.1)
+    row = success(table, part="hub", method="focal-region", stage="extraction", min_visibility=0.1)
     assert (row["n"], row["successes"], row["published"]) == (3, 2, None)
-    row = success(table, part="hub", method="group", stage="extraction", min_visibility=0.5)
+    row = success(table, part="hub", method="focal-group", stage="extraction", min_visibility=0.5)
     assert (row["n"], row["successes"]) == (2, 2)
 
 
-def test_margin_of_dual_over_region_growing_is_over_the_same_pieces() -> None:
+def test_margin_of_focal_over_region_growing_is_over_the_same_pieces() -> None:
     scenes = [
         record(
-            scene=i, pieces=(piece(0, 0.9, region=MISSED, dual=matched(1.0)), piece(1, 0.3, region=FOUND, dual=FOUND))
+            scene=i,
+            pieces=(piece(0, 0.9, region=MISSED, focal=matched(1.0)), piece(1, 0.3, region=FOUND, focal=FOUND)),
         )
         for i in range(12)
     ]
@@ -101,7 +102,7 @@ def test_without_both_localizers_there_is_no_comparison_of_them() -> None:
     assert "lost it" not in shown(table)
 
 
-def test_what_one_extractor_lost_and_dual_matched_is_counted() -> None:
+def test_what_one_extractor_lost_and_focal_matched_is_counted() -> None:
     hit, lost = matched(1.0), MISSED
     trios = [
         (hit, hit, hit),  # both extracted it
@@ -113,10 +114,10 @@ def test_what_one_extractor_lost_and_dual_matched_is_counted() -> None:
         (lost, lost, hit),  # an arc was enough
         (lost, lost, lost),
     ]
-    pieces = tuple(piece(i, 0.9, region=r, group=g, dual=d) for i, (r, g, d) in enumerate(trios))
-    unjudged = (piece(8, 0.9, region=lost, dual=hit), piece(9, 0.9, in_bin=False, region=lost, group=hit, dual=hit))
+    pieces = tuple(piece(i, 0.9, region=r, group=g, focal=d) for i, (r, g, d) in enumerate(trios))
+    unjudged = (piece(8, 0.9, region=lost, focal=hit), piece(9, 0.9, in_bin=False, region=lost, group=hit, focal=hit))
     table = build_table(CONFIG, [record(pieces=pieces + unjudged)])
-    (row,) = (r for r in to_dict(table)["made_good"] if (r["part"], r["min_visibility"]) == ("hub", 0.5))
+    (row,) = (r for r in to_dict(table)["recovered"] if (r["part"], r["min_visibility"]) == ("hub", 0.5))
     counts = {name: (r["successes"], r["n"]) for name, r in {**row["extraction"], **row["matching"]}.items()}
     assert counts == {
         "both": (1, 2),
@@ -137,14 +138,17 @@ def believed(squared: float, components: int = 6) -> LocalizerResult:
 def test_coverage_is_the_share_of_matched_pieces_inside_the_ellipsoid() -> None:
     """The 95 % quantiles of chi-square are 12.59 for six components and 11.07 for five."""
     pieces = [believed(12.5), believed(12.7), believed(11.2, 5), believed(11.0, 5), matched(1.0), FOUND]
-    table = build_table(CONFIG, [record(pieces=tuple(piece(i, 0.9, dual=p) for i, p in enumerate(pieces)))])
+    table = build_table(CONFIG, [record(pieces=tuple(piece(i, 0.9, focal=p) for i, p in enumerate(pieces)))])
     (row,) = (
-        r for r in to_dict(table)["accuracy"] if (r["part"], r["method"], r["min_visibility"]) == ("hub", "dual", 0.5)
+        r
+        for r in to_dict(table)["accuracy"]
+        if (r["part"], r["method"], r["min_visibility"]) == ("hub", "focal", 0.5)
     )
     assert (row["n"], row["coverage"]["n"], row["coverage"]["successes"]) == (5, 4, 2)
     assert (row["coverage"]["low"], row["coverage"]["high"]) == wilson_interval(2, 4)
     text = shown(table)
-    hub, cover1 = (line.split() for line in text[text.index("Inside the 95% ellipsoid") :].splitlines()[4:6])
+    lines = [line.split() for line in text[text.index("Inside the 95% ellipsoid") :].splitlines()]
+    hub, cover1 = (next(line for line in lines if line[:1] == [word]) for word in ("Hub", "Alternator"))
     assert hub == ["Hub", "4", "–", "–", "50%", "(15%", "to", "85%)"]
     assert cover1[-4:] == ["0", "–", "–", "–"]
 
@@ -152,12 +156,12 @@ def test_coverage_is_the_share_of_matched_pieces_inside_the_ellipsoid() -> None:
 def test_table1_is_over_matched_pieces_in_the_papers_order() -> None:
     table = to_dict(build_table(CONFIG, [HUB]))
     assert [(row["part"], row["process"]) for row in table["table1"]] == [
-        ("hub", "region"),
-        ("hub", "group"),
-        ("cover1", "region"),
-        ("cover1", "group"),
-        ("cover2", "group"),
-        ("cover2", "region"),
+        ("hub", "focal-region"),
+        ("hub", "focal-group"),
+        ("cover1", "focal-region"),
+        ("cover1", "focal-group"),
+        ("cover2", "focal-group"),
+        ("cover2", "focal-region"),
     ]
     region, group = table["table1"][:2]
     assert (region["n"], region["translation_mm_mean"], region["translation_mm_median"]) == (2, 3.0, 3.0)
@@ -184,7 +188,7 @@ def test_empty_groups_are_null() -> None:
 def test_what_is_in_no_rate_is_counted_apart() -> None:
     (count,) = (c for c in to_dict(build_table(CONFIG, [HUB]))["counts"] if c["part"] == "hub")
     assert (count["pieces"], count["out_of_bin"], count["barely_visible"]) == (5, 1, 1)
-    assert count["false_positives"] == {"dual": 2}
+    assert count["false_positives"] == {"focal": 2}
     assert count["lost_at"] == {"extraction": 2}
 
 
@@ -192,6 +196,33 @@ def test_only_attempted_picks_count_and_a_pick_of_nothing_is_a_failure() -> None
     picks = {row["part"]: row for row in to_dict(build_table(CONFIG, [HUB]))["picks"]}
     assert (picks["hub"]["n"], picks["hub"]["successes"]) == (2, 1)
     assert picks["cover1"]["n"] == 0
+
+
+def test_false_poses_are_a_share_of_all_that_were_reported() -> None:
+    table = build_table(CONFIG, [HUB, record("cover1", pieces=(piece(0, 0.9, "cover1", focal=MISSED),))])
+    shares = {(row["part"], row["method"]): (row["successes"], row["n"]) for row in to_dict(table)["false_poses"]}
+    assert shares["hub", "focal"] == (2, 5)  # three pieces matched, one of them hardly visible
+    assert shares["hub", "focal-region"] == (0, 3)
+    assert shares["cover1", "focal"] == (0, 0)
+    for text in (shown(table), as_markdown(table)):
+        assert "2 of 5: 40.0% (11.8% to 76.9%)" in text
+
+
+def test_poses_are_held_to_what_they_say(tmp_path: Path) -> None:
+    sure, unsure = (replace(matched(1.0), probability=p) for p in (0.97, 0.6))
+    pieces = tuple(piece(i, 0.9, focal=sure if i < 9 else unsure) for i in range(10))
+    scene = record(pieces=pieces, false_positives={"focal": 3}, false_probabilities={"focal": (0.96, 0.7, 0.1)})
+    table = build_table(CONFIG, [scene])
+    rows = {row["low"]: row["right"] for row in to_dict(table)["reliability"]["focal"]}
+    assert [(rows[low]["successes"], rows[low]["n"]) for low in (0.0, 0.5, 0.95, 0.99)] == [
+        (0, 1),
+        (1, 2),
+        (9, 10),
+        (0, 0),
+    ]
+    assert "| focal | 0% to 50% | 1 | 10.0% |" in as_markdown(table)
+    assert [path.name for path in save_figures(table, [scene], tmp_path)][-1] == "reliability.png"
+    assert "Reliability" not in shown(build_table(CONFIG, [HUB]))
 
 
 def test_mixed_scenes_count_for_each_part() -> None:
@@ -202,12 +233,12 @@ def test_mixed_scenes_count_for_each_part() -> None:
         scene=0,
         seed=0,
         config_hash="",
-        pieces=(piece(0, 0.9, "hub", dual=matched(1.0)), piece(1, 0.9, "cover1", dual=MISSED)),
+        pieces=(piece(0, 0.9, "hub", focal=matched(1.0)), piece(1, 0.9, "cover1", focal=MISSED)),
         picks=(PickRecord(True, 1, True),),
     )
     table = to_dict(build_table(config, [mixed]))
     rates = {
-        part: success(table, part=part, method="dual", stage="matching", min_visibility=0.5)
+        part: success(table, part=part, method="focal", stage="matching", min_visibility=0.5)
         for part in ("hub", "cover1")
     }
     assert (rates["hub"]["successes"], rates["cover1"]["successes"]) == (1, 0)
@@ -225,7 +256,7 @@ def test_failed_episodes_are_reported_and_in_no_rate() -> None:
 def test_the_order_of_the_records_and_their_timings_do_not_matter() -> None:
     records = [
         record(
-            config.kind, 0, pieces=tuple(piece(j, 0.9, config.kind, dual=matched(0.1 * i + j / 7)) for j in range(4))
+            config.kind, 0, pieces=tuple(piece(j, 0.9, config.kind, focal=matched(0.1 * i + j / 7)) for j in range(4))
         )
         for i, config in enumerate(episodes(CONFIG))
     ]
@@ -251,7 +282,7 @@ def shown(table: object) -> str:
 def test_text_has_the_measured_beside_the_published() -> None:
     text = shown(build_table(CONFIG, [HUB]))
     (hub,) = (line for line in text.splitlines() if line.startswith(" Hub") and "Region-match" in line)
-    assert hub.split()[:9] == ["Hub", "Region-match", "2", "3.00", "±", "2.83", "3.4", "±", "1.9"]
+    assert hub.split()[:10] == ["Hub", "Region-match", "2", "3.00", "±", "2.83", "3.00", "3.4", "±", "1.9"]
     assert "77%" in text
     assert max(map(len, text.splitlines())) <= 120
 

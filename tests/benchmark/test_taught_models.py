@@ -12,7 +12,7 @@ from benchmark.episodes.episode import run_episode
 from benchmark.episodes.sweep import run_sweep
 from benchmark.models import load_model
 from benchmark.records.episode_record import strip_timings
-from benchmark.study.taught_models import Untaught, model_path, refusals, taught_models, teach_variants
+from benchmark.study.taught_models import NothingTaught, model_path, refusals, taught_models, teach_variants
 from vision.errors import InputError
 from vision.localizer import Localizer
 from vision.model.model_file import model_to_json
@@ -63,7 +63,7 @@ def test_models_that_were_never_taught_are_an_error(tmp_path):
 
 
 def test_untaught_is_a_localizer_that_finds_nothing():
-    localizer = Untaught("dual")
+    localizer = NothingTaught("focal")
     assert isinstance(localizer, Localizer)
     assert localizer.localize([]).estimates == ()
 
@@ -83,9 +83,9 @@ def test_a_study_runs_and_resumes_with_the_models_of_its_variants(taught, tmp_pa
     by_variant = {record.key.rpartition("/")[2]: record for record in records}
     shipped = run_episode(EpisodeConfig(("cover1",), seed=CONFIG.episode("cover1", 0).seed, task="none"))
     assert by_variant["clicks-1px-5views"].pieces == shipped.pieces
-    assert not any(piece.results["dual"].matched for piece in by_variant["clicks-5px-2views"].pieces)
+    assert not any(piece.results["focal"].matched for piece in by_variant["clicks-5px-2views"].pieces)
     found = {
-        name: [p.results["dual"].errors.translation_mm for p in record.pieces if p.results["dual"].matched]
+        name: [p.results["focal"].errors.translation_mm for p in record.pieces if p.results["focal"].matched]
         for name, record in by_variant.items()
     }
     assert min(found["hand-eye-1mm"]) > max(found["clicks-1px-5views"])  # one calibration error moves all pieces

@@ -14,17 +14,20 @@ from scipy.special import expit
 from benchmark.detector.drawings import draw
 from benchmark.detector.evaluate import Tally
 from benchmark.episodes.evaluation import TruePiece
+from benchmark.report.reliability import reliability
 from benchmark.seeds import PICTURES
-from benchmark.tuning import confirmation, edge_sigmas, ellipse_score
+from benchmark.tuning import confirmation, edge_sigmas, ellipse_score, pose_probability
 from benchmark.tuning.candidates import TERMS, candidates_of
 from benchmark.tuning.covariance_sample import NAMES, CovarianceSample, covariance_sample
 from benchmark.tuning.edge_sigmas import enlargement, fit_sigmas, inside
 from benchmark.tuning.ellipse_score import f_difference, fit_logistic, fit_weights
+from benchmark.tuning.pose_probability import PoseSample, fit_probability
 from benchmark.tuning.scenes import KnownScene
 from vision import Workspace, load_views
 from vision.grouping.score import DEFAULT_WEIGHTS
 from vision.matching.parameters import CONFIRMATION, MatchingParameters
 from vision.pose.edge_errors import USUAL
+from vision.pose.probability import ProbabilityWeights, terms
 
 THREE_VIEWS = Path(__file__).resolve().parents[2] / "docs" / "images" / "three_views"
 
@@ -134,6 +137,24 @@ def test_what_is_found_and_what_is_lost_is_counted(scene):
     assert (len(nothing.found), nothing.false_poses) == (1, 3)
 
 
+def test_probability_weights_that_made_the_data_are_found_again():
+    rng = np.random.default_rng(20_000)
+    made_of = ProbabilityWeights(score=6.0, turned=2.0, shown=3.0, constant=4.0)
+    rows = terms(rng.uniform(0.4, 1, 20_000), rng.random(20_000) < 0.5, rng.random(20_000))
+    is_right = rng.random(20_000) < expit(rows @ np.array(made_of))
+    assert np.allclose(fit_probability(PoseSample(rows, is_right)), made_of, atol=0.5)
+
+
+def test_reliability_sorts_poses_by_what_they_say():
+    rows = reliability([0.1, 0.5, 0.7, 0.995, 1.0], [False, False, True, True, True])
+    assert [(row.low, row.right.successes, row.right.n) for row in rows if row.right.n] == [
+        (0.0, 0, 1),
+        (0.5, 1, 2),
+        (0.99, 2, 2),
+    ]
+    assert rows[1].said == pytest.approx(0.6)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "words"),
@@ -141,8 +162,9 @@ def test_what_is_found_and_what_is_lost_is_counted(scene):
         (ellipse_score, ("| coverage_squared |", "F − F in the code", "validation 500000")),
         (edge_sigmas, ("| swell_px |", "inside the 95% ellipsoid", "validation 40000")),
         (confirmation, ("| rival_px |", "false poses", "tuning 30000")),
+        (pose_probability, ("| shown |", "said on average", "validation 40000")),
     ],
-    ids=["ellipse_score", "edge_sigmas", "confirmation"],
+    ids=["ellipse_score", "edge_sigmas", "confirmation", "pose_probability"],
 )
 def test_a_script_runs_and_prints_its_tables_and_seeds(script, words, capsys):
     script.main(["--quick", "--format", "md"])

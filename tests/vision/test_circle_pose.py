@@ -62,6 +62,15 @@ def test_world_poses_cancel():
     assert np.allclose(moved.geometric, project_circle(circle, view_at()).geometric, atol=1e-6)
 
 
+def test_a_moved_circle_lies_where_its_points_are_moved_to():
+    circle = Circle(np.array([0.02, -0.01, 1.0]), np.array([0.3, 0.1, -1]), 0.05)
+    T = RigidTransform.from_components([1, 2, 3], Rotation.from_rotvec([0.3, -0.8, 1.1]))
+    moved, points = circle.moved(T), T.apply(circle.sample(12))
+    assert np.allclose((points - moved.centre) @ moved.normal, 0, atol=1e-12)
+    assert np.allclose(np.linalg.norm(points - moved.centre, axis=1), moved.radius_m)
+    assert (T.rotation.as_matrix() @ circle.normal) @ moved.normal > 0
+
+
 def test_plane_axes_are_right_handed():
     n = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, -1], [0.6, 0, 0.8]])
     u, v = plane_axes(n)

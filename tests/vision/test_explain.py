@@ -89,9 +89,9 @@ def looked(plate, photograph, pose):
 
 
 def panels_of(looked, localizer=None, workspace=WORKSPACE):
-    views, dual, found = looked
-    extraction = (localizer or dual).extraction(views[0], workspace)
-    return {p.name: p for p in explain_view(views[0], extraction, found.estimates, dual.models, zoom=1)}
+    views, focal, found = looked
+    extraction = (localizer or focal).extraction(views[0], workspace)
+    return {p.name: p for p in explain_view(views[0], extraction, found.estimates, focal.models, zoom=1)}
 
 
 def test_a_view_has_every_panel_in_its_own_size(looked) -> None:

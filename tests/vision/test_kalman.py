@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter
 
-from vision.geometry.ellipse import Ellipse, focal_jacobian, focal_residual
+from vision.geometry.ellipse import Ellipse, focal_distances, focal_jacobian, focal_residual
 from vision.grouping import kalman_filter
-from vision.grouping.kalman_filter import distances
 
 
 def arc(semi_major, semi_minor, rng, n=80, part=1.0):
@@ -15,7 +14,7 @@ def arc(semi_major, semi_minor, rng, n=80, part=1.0):
 
 def textbook_update(prior, prior_px, points, deviation):
     """All points in one batch through the filter of a well-known library."""
-    _, slope = distances(prior, points)
+    _, slope = focal_distances(prior, points)
     ekf = ExtendedKalmanFilter(dim_x=5, dim_z=len(points))
     ekf.x = prior[:, None].copy()
     ekf.P = np.eye(5) * prior_px**2
@@ -53,11 +52,11 @@ def test_points_that_are_left_out_change_nothing():
     assert np.allclose(with_all, without)
 
 
-def test_measured_distances_are_those_of_the_ellipse():
+def test_measured_distances_are_the_residual_over_its_gradient():
     rng = np.random.default_rng(2)
     truth, points = arc(60, 25, rng)
-    offset, slope = np.empty(len(points)), np.empty(len(points))
-    kalman_filter.measure(truth.p, points, offset, slope)
-    expected = distances(truth.p, points)
-    assert np.allclose(offset, expected[0])
-    assert np.allclose(slope, expected[1])
+    distance, slope = focal_distances(truth.p, points)
+    step = np.array([[1e-6, 0], [0, 1e-6]])
+    gradient = [(focal_residual(truth.p, points + d) - focal_residual(truth.p, points - d)) / 2e-6 for d in step]
+    assert np.allclose(slope, np.hypot(*gradient), atol=1e-6)
+    assert np.allclose(distance, focal_residual(truth.p, points) / slope)

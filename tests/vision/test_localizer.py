@@ -33,13 +33,13 @@ def scene(pose):
 
 
 @pytest.fixture(scope="module")
-def dual(plate):
+def focal(plate):
     return EllipseLocalizer([plate])
 
 
 @pytest.mark.parametrize("views", [2, 3])
-def test_plates_are_localised_within_a_twentieth_of_a_millimetre(views, dual, scene, photograph):
-    result = dual.localize(photograph(scene, views), WORKSPACE)
+def test_plates_are_localised_within_a_twentieth_of_a_millimetre(views, focal, scene, photograph):
+    result = focal.localize(photograph(scene, views), WORKSPACE)
     assert len(result.estimates) == 2
     for truth in scene:
         best, distance, angle = nearest(result.estimates, truth)
@@ -50,10 +50,10 @@ def test_plates_are_localised_within_a_twentieth_of_a_millimetre(views, dual, sc
 
 
 @pytest.mark.parametrize("seed", [10_010, 10_011, 10_012])
-def test_plates_at_any_pose_are_localised(seed, dual, pose, photograph):
+def test_plates_at_any_pose_are_localised(seed, focal, pose, photograph):
     rng = np.random.default_rng(seed)
     truth = pose(*rng.uniform(-12, 12, 2), rng.uniform(-8, 8), about=(*rng.uniform(-15, 15, 2), rng.uniform(0, 360)))
-    (found,) = dual.localize(photograph([truth], seed=seed), WORKSPACE).estimates
+    (found,) = focal.localize(photograph([truth], seed=seed), WORKSPACE).estimates
     _, distance, angle = nearest([found], truth)
     assert distance < 0.05
     assert angle < 0.1
@@ -62,10 +62,10 @@ def test_plates_at_any_pose_are_localised(seed, dual, pose, photograph):
 @pytest.mark.parametrize("extractor", ["region", "group"])
 def test_either_extractor_works_alone_and_uses_its_own_ellipses(extractor, plate, scene, photograph):
     localizer = EllipseLocalizer([plate], (extractor,))
-    assert localizer.name == extractor
+    assert localizer.name == f"focal-{extractor}"
     result = localizer.localize(photograph(scene), WORKSPACE)
     assert {f.extractor for view in result.features for f in view} == {extractor}
-    assert localizer.alone([], result) == {extractor: result.estimates}
+    assert localizer.alone([], result) == {localizer.name: result.estimates}
     assert len(result.estimates) == 2
     for truth in scene:
         best, distance, _ = nearest(result.estimates, truth)
@@ -73,20 +73,20 @@ def test_either_extractor_works_alone_and_uses_its_own_ellipses(extractor, plate
         assert best.extractor == extractor
 
 
-def test_dual_reports_what_each_extractor_would_have_said_alone(plate, dual, scene, photograph):
+def test_focal_reports_what_each_extractor_would_have_said_alone(plate, focal, scene, photograph):
     views = photograph(scene)
-    result = dual.localize(views, WORKSPACE)
-    assert dual.name == "dual"
-    answers = dual.alone(views, result, WORKSPACE)
-    assert set(answers) == {"region", "group"}
-    for extractor, estimates in answers.items():
-        alone = EllipseLocalizer([plate], (extractor,)).localize(views, WORKSPACE).estimates
+    result = focal.localize(views, WORKSPACE)
+    assert focal.name == "focal"
+    answers = focal.alone(views, result, WORKSPACE)
+    assert set(answers) == {"focal-region", "focal-group"}
+    for name, estimates in answers.items():
+        alone = EllipseLocalizer([plate], name).localize(views, WORKSPACE).estimates
         for a, b in zip(alone, estimates, strict=True):
             assert np.array_equal(a.T_world_part.as_matrix(), b.T_world_part.as_matrix())
 
 
-def test_one_view_gives_a_coarser_pose_that_knows_it(dual, scene, photograph):
-    one, three = (dual.localize(photograph(scene, n), WORKSPACE).estimates for n in (1, 3))
+def test_one_view_gives_a_coarser_pose_that_knows_it(focal, scene, photograph):
+    one, three = (focal.localize(photograph(scene, n), WORKSPACE).estimates for n in (1, 3))
     assert len(one) == 2
     for truth in scene:
         single, distance, angle = nearest(one, truth)
@@ -96,9 +96,9 @@ def test_one_view_gives_a_coarser_pose_that_knows_it(dual, scene, photograph):
         assert np.trace(single.covariance[:3, :3]) > 3 * np.trace(joint.covariance[:3, :3])
 
 
-def test_a_plate_hidden_from_one_view_is_found_by_the_others(dual, scene, photograph):
+def test_a_plate_hidden_from_one_view_is_found_by_the_others(focal, scene, photograph):
     views = [*photograph(scene, [0, 1]), *photograph([], [2])]
-    estimates = dual.localize(views, WORKSPACE).estimates
+    estimates = focal.localize(views, WORKSPACE).estimates
     for truth in scene:
         best, distance, _ = nearest(estimates, truth)
         assert distance < 0.1
@@ -106,32 +106,32 @@ def test_a_plate_hidden_from_one_view_is_found_by_the_others(dual, scene, photog
 
 
 @pytest.mark.parametrize("noise", [0.0, 3.0])
-def test_nothing_in_empty_images_is_an_answer(noise, dual, photograph):
+def test_nothing_in_empty_images_is_an_answer(noise, focal, photograph):
     views = photograph([], noise=noise)
-    result = dual.localize(views, WORKSPACE)
+    result = focal.localize(views, WORKSPACE)
     assert result.estimates == ()
-    assert dual.alone(views, result, WORKSPACE) == {"region": (), "group": ()}
+    assert focal.alone(views, result, WORKSPACE) == {"focal-region": (), "focal-group": ()}
     assert len(result.features) == 3
 
 
-def test_no_views_no_estimates(dual):
-    assert dual.localize([]).estimates == ()
+def test_no_views_no_estimates(focal):
+    assert focal.localize([]).estimates == ()
 
 
-def test_without_a_workspace_the_plates_are_still_found(dual, scene, photograph):
-    estimates = dual.localize(photograph(scene)).estimates
+def test_without_a_workspace_the_plates_are_still_found(focal, scene, photograph):
+    estimates = focal.localize(photograph(scene)).estimates
     for truth in scene:
         assert nearest(estimates, truth)[1] < 0.05
 
 
 @pytest.mark.parametrize("workspace", [WORKSPACE, None])
-def test_nothing_is_found_but_the_plates(workspace, dual, scene, photograph):
-    estimates = dual.localize(photograph(scene), workspace).estimates
+def test_nothing_is_found_but_the_plates(workspace, focal, scene, photograph):
+    estimates = focal.localize(photograph(scene), workspace).estimates
     assert len(estimates) == len(scene)
     assert all(e.score >= MatchingParameters().minimum_scores[-1] for e in estimates)
 
 
-def test_regions_too_small_for_the_part_are_pruned_and_the_rest_is_not(dual, scene, photograph, plate):
+def test_regions_too_small_for_the_part_are_pruned_and_the_rest_is_not(focal, scene, photograph, plate):
     view = photograph(scene, noise=0)[0]
     littered = view.image.copy()
     for corner in range(8, 120, 16):
@@ -144,23 +144,35 @@ def test_regions_too_small_for_the_part_are_pruned_and_the_rest_is_not(dual, sce
     assert ellipses_of(view, constraints) == ellipses_of(view, None)
 
 
+def test_ellipses_have_the_size_of_a_salient_circle_in_the_workspace(focal, scene, photograph):
+    view = photograph(scene, noise=0)[0]
+    y, x = np.mgrid[: view.camera.height_px, : view.camera.width_px]
+    littered = np.where(np.hypot(x - 40, y - 40) < 15, 200, view.image).astype(np.uint8)
+    view = replace(view, image=littered)
+    for workspace, most in ((WORKSPACE, 0), (None, 2)):
+        found = focal.extraction(view, workspace).features
+        small = [f for f in found if np.hypot(*(f.ellipse.centre - 40)) < 2]
+        assert len(small) == most
+        assert len(found) - len(small) >= 4
+
+
 def ellipses_of(view, constraints):
     """Those of region growing, at least as large as the plate's bores, its smallest salient circles, can be."""
     found = extract_features(view, ["region"], constraints)
     return {tuple(f.ellipse.p) for f in found if f.ellipse.semi_axes[0] > 25}
 
 
-def test_input_is_left_as_it_was(dual, scene, photograph):
+def test_input_is_left_as_it_was(focal, scene, photograph):
     views = photograph(scene)
     before = [v.image.copy() for v in views]
-    dual.localize(views, WORKSPACE)
+    focal.localize(views, WORKSPACE)
     for view, image in zip(views, before, strict=True):
         assert np.array_equal(view.image, image)
 
 
-def test_order_of_the_views_does_not_matter(dual, scene, photograph):
+def test_order_of_the_views_does_not_matter(focal, scene, photograph):
     views = photograph(scene)
-    forwards, backwards = (dual.localize(v, WORKSPACE).estimates for v in (views, views[::-1]))
+    forwards, backwards = (focal.localize(v, WORKSPACE).estimates for v in (views, views[::-1]))
     assert len(forwards) == len(backwards) == 2
     for estimate in forwards:
         # The same optimum, summed up in another order and approached from another start.
@@ -170,9 +182,9 @@ def test_order_of_the_views_does_not_matter(dual, scene, photograph):
 @pytest.mark.parametrize(
     ("choice", "extractors"),
     [
-        ("dual", ("region", "group")),
-        ("region", ("region",)),
-        ("group", ("group",)),
+        ("focal", ("region", "group")),
+        ("focal-region", ("region",)),
+        ("focal-group", ("group",)),
         (("group",), ("group",)),
         (["group", "region"], ("region", "group")),
     ],
@@ -180,12 +192,20 @@ def test_order_of_the_views_does_not_matter(dual, scene, photograph):
 def test_extractors_are_chosen_by_a_preset_or_one_by_one(choice, extractors, plate):
     localizer = EllipseLocalizer([plate], choice)
     assert localizer.extractors == extractors
-    assert localizer.name == ("dual" if len(extractors) == 2 else extractors[0])
+    assert localizer.name == ("focal" if len(extractors) == 2 else f"focal-{extractors[0]}")
+
+
+@pytest.mark.parametrize(("old", "new"), [("dual", "focal"), ("region", "focal-region"), ("group", "focal-group")])
+def test_names_of_older_versions_are_answered_with_the_new_ones(old, new, plate):
+    with pytest.raises(InputError, match=f"got {old}; expected {new}. It is called {new} now"):
+        EllipseLocalizer([plate], old)
 
 
 @pytest.mark.parametrize("choice", ["regions", "", "r", (), ("regions",), ("region", "oracle"), [None]], ids=str)
 def test_unknown_extractors_are_refused(choice, plate, photograph, pose):
-    with pytest.raises(InputError, match=r"extractors: got .*; expected dual, region, group, or a tuple"):
+    with pytest.raises(
+        InputError, match=r"extractors: got .*; expected focal, focal-region, focal-group, or a tuple"
+    ):
         EllipseLocalizer([plate], choice)
     with pytest.raises(InputError, match="extractors"):
         extract_features(photograph([pose()], 1)[0], choice)
@@ -212,30 +232,30 @@ def test_parameters_of_something_else_are_refused(plate):
         EllipseLocalizer([plate], parameters=GroupingParameters())
 
 
-def test_what_is_no_sequence_of_views_or_no_workspace_is_refused(dual, photograph, pose):
+def test_what_is_no_sequence_of_views_or_no_workspace_is_refused(focal, photograph, pose):
     (view,) = photograph([pose()], 1)
     with pytest.raises(InputError, match=r"views: got a single View; .* Put it into a list"):
-        dual.localize(view, WORKSPACE)
+        focal.localize(view, WORKSPACE)
     with pytest.raises(InputError, match="views: got ndarray object"):
-        dual.localize([view, view.image], WORKSPACE)
+        focal.localize([view, view.image], WORKSPACE)
     with pytest.raises(InputError, match="views: got NoneType object"):
-        dual.localize(None)
+        focal.localize(None)
     with pytest.raises(InputError, match="workspace: got tuple object"):
-        dual.localize([view], ((-1, -1, -1), (1, 1, 1)))
+        focal.localize([view], ((-1, -1, -1), (1, 1, 1)))
 
 
-def test_views_may_come_from_an_iterator(dual, photograph, pose):
+def test_views_may_come_from_an_iterator(focal, photograph, pose):
     views = photograph([pose()], 2)
-    assert len(dual.localize(iter(views), WORKSPACE).estimates) == 1
+    assert len(focal.localize(iter(views), WORKSPACE).estimates) == 1
 
 
-def test_anything_with_a_name_that_localises_views_is_a_localizer(dual):
+def test_anything_with_a_name_that_localises_views_is_a_localizer(focal):
     class Blind:
         name = "blind"
 
         def localize(self, views, workspace=None):
             return Localization(())
 
-    assert isinstance(dual, Localizer)
+    assert isinstance(focal, Localizer)
     assert isinstance(Blind(), Localizer)
     assert not isinstance(object(), Localizer)

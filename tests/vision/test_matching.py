@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.edges.edge_field import EdgeField
+from vision.extraction import Arc
 from vision.features import EllipseFeature
 from vision.geometry.circle import project_circle
 from vision.geometry.workspace import Workspace
@@ -14,6 +15,7 @@ from vision.matching.hypotheses import HypothesisGenerator
 from vision.matching.matcher import Matcher
 from vision.matching.parameters import MatchingParameters
 from vision.model.contour import ModelContour
+from vision.pose.refinement import refine_pose
 
 WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))
 
@@ -65,6 +67,41 @@ def test_every_plate_is_found_once_and_in_place(joint, plate, scene, photograph)
         assert nearest.score > 0.9
         assert nearest.part == "plate"
         assert nearest.extractor == "group"
+
+
+def test_a_part_that_was_found_claims_its_edges(plate, scene, photograph):
+    views = photograph(scene[:1])
+    matching = matcher(plate, views)
+    outline = project_circle(plate.salient[0].circle.moved(scene[0]), views[0]).sample(100)
+    arc = Arc(outline, np.zeros_like(outline))
+    assert matching.scene.unclaimed(0, [arc], 1) == [arc]
+    matching.match(perfect(plate, scene[:1], views))
+    assert matching.scene.unclaimed(0, [arc], 1) == []
+
+
+def test_no_place_is_taken_twice_and_no_pose_stands_without_support(plate, scene, photograph):
+    views = photograph(scene[:1])
+    matching = matcher(plate, views)
+    features = perfect(plate, scene[:1], views)
+    (found,) = matching.match(features)
+    assert matching._stands(found, 0.5, [])
+    assert not matching._stands(found, 1.1, [])
+    assert not matching._stands(found, 0.5, [found])
+
+
+def test_on_ellipses_alone_the_pose_starts_from_stereo(plate, scene, photograph, monkeypatch):
+    starts = []
+
+    def refine(T, *arguments, **settings):
+        starts.append(T)
+        return refine_pose(T, *arguments, **settings)
+
+    monkeypatch.setattr("vision.matching.matcher.refine_pose", refine)
+    monkeypatch.setattr("vision.matching.matcher.pose_by_stereo", lambda *_: scene[0].as_matrix())
+    views = photograph(scene[:1])
+    matcher(plate, views, joint_edges=False).match(perfect(plate, scene[:1], views))
+    assert starts
+    assert all(np.array_equal(T, scene[0].as_matrix()) for T in starts)
 
 
 def test_a_plate_on_its_face_is_found_so_and_its_turn_is_unknown(plate, photograph, pose):

@@ -86,7 +86,7 @@ def numbers(result):
         vision.detect_ellipses,
         lambda picture: vision.detect_edges(picture).points,
         lambda picture: vision.extract_features(
-            vision.View(picture, Camera(160, 120, 300.0, 300.0, 80.0, 60.0), np.eye(4)), "dual"
+            vision.View(picture, Camera(160, 120, 300.0, 300.0, 80.0, 60.0), np.eye(4)), "focal"
         ),
     ],
     ids=["segment", "group_edges", "group_ellipses", "find_ellipses", "detect_ellipses", "detect_edges", "View"],

@@ -77,7 +77,7 @@ def test_an_edge_separates_two_sides_of_equal_grey():
     assert (image[edges] == BOUNDARY).all()
 
 
-def test_without_edges_two_sides_are_told_apart_by_grey_alone():
+def test_without_edges_two_sides_are_distinguishable_by_grey_alone():
     gray = np.full((64, 64), 60, np.uint8)
     gray[:, 37:] = 160
     tree = split(gray, no_edges(gray), SETTINGS)

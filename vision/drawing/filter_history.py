@@ -14,8 +14,8 @@ from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 
 from vision.errors import InputError
-from vision.geometry.ellipse import Ellipse, focal_jacobian, focal_residual
-from vision.grouping.kalman_filter import FilterParameters, distances, moment_estimate
+from vision.geometry.ellipse import Ellipse, focal_distances, focal_jacobian, focal_residual
+from vision.grouping.kalman_filter import FilterParameters, moment_estimate
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def filter_history(
     ekf.x = np.array(moment_estimate(points) if initial is None else initial, dtype=float)[:, None]
     ekf.P *= parameters.prior_px**2
     for count, point in enumerate(points, start=1):
-        _, slope = distances(ekf.x[:, 0], point[None])
+        _, slope = focal_distances(ekf.x[:, 0], point[None])
         ekf.R = np.array([[(float(slope[0]) * deviation_px) ** 2]])
         ekf.update(np.zeros((1, 1)), _jacobian, _residual, args=(point,), hx_args=(point,))
         focal_distance = np.hypot(*(ekf.x[:2, 0] - ekf.x[2:4, 0]))

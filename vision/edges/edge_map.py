@@ -17,6 +17,7 @@ from vision.edges.chains import link_pixels, localise
 from vision.edges.peaks import settle
 from vision.errors import InputError
 from vision.frozen import frozen_arrays
+from vision.geometry.blur import CAMERA_VARIANCE, SOBEL_VARIANCE
 from vision.settings import NOT_NEGATIVE, POSITIVE, Allowed, check, count
 
 Array = NDArray[np.float64]
@@ -24,10 +25,10 @@ Array = NDArray[np.float64]
 # The image is smoothed in 16-bit integers; this gain keeps the fraction that rounding to grey levels would lose.
 # 16 * 255 * 4 (the gain of Sobel) stays inside int16.
 _FIXED_POINT = 16
+GRADIENT_UNIT = 8.0 * _FIXED_POINT  # of a ramp of one grey level per pixel; 8 is the gain of the 3x3 Sobel operator
 _UNIT = 256.0  # Canny's upper threshold, in gradients divided by the local threshold
 _STRIDE = 4  # of the pixels from which local thresholds are computed
 _MAX_STRONG_SHARE = 0.2  # of the image: where more of it is above the upper limit of the threshold, the limit rises
-_SOBEL_GAIN = 8.0  # response of the 3x3 Sobel operator to a ramp of one grey level per pixel
 
 
 @dataclass(frozen=True)
@@ -63,13 +64,9 @@ class EdgeParameters:
         check(self, max_contrast=Allowed(self.min_contrast), min_length_px=count(1), max_gap_px=count())
 
     @property
-    def total_smoothing_px(self) -> float:
-        """Standard deviation of all that blurs an edge.
-
-        The Gaussian, the Sobel operator (variance 1/2 across its mask), the area of a pixel (1/12), and a sharp lens
-        (0.6 px).
-        """
-        return float(np.sqrt(self.smoothing_px**2 + 0.5 + 1 / 12 + 0.36))
+    def blur_variance(self) -> float:
+        """Variance in px² of all that blurs an edge: the Gaussian, the Sobel operator, and a sharp camera."""
+        return float(self.smoothing_px**2 + SOBEL_VARIANCE + CAMERA_VARIANCE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +176,7 @@ def detect_edges(gray: NDArray[np.generic], parameters: EdgeParameters | None = 
 
 
 def image_gradients(image: NDArray[np.uint8], smoothing_px: float) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-    """Sobel gradients (int16, fixed point) of the image smoothed with a Gaussian."""
+    """Sobel gradients (H, W) along x and y of the image smoothed with a Gaussian, in units of ``GRADIENT_UNIT``."""
     scaled = cv2.multiply(image, _FIXED_POINT, dtype=cv2.CV_16S)
     smooth = cv2.GaussianBlur(scaled, (0, 0), smoothing_px, borderType=cv2.BORDER_REPLICATE)
     gx = cv2.Sobel(smooth, cv2.CV_16S, 1, 0, borderType=cv2.BORDER_REPLICATE)
@@ -192,14 +189,13 @@ def _balance(
 ) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     """Gradients divided by the local threshold of Canny, so that ``_UNIT`` is the threshold everywhere."""
     height, width = gx.shape
-    unit = _SOBEL_GAIN * _FIXED_POINT
     coarse = cv2.magnitude(gx[::_STRIDE, ::_STRIDE].astype(np.float32), gy[::_STRIDE, ::_STRIDE].astype(np.float32))
     sample = np.sort(coarse, axis=None)
     noise = float(sample[int(0.3 * (sample.size - 1))])
     window = 2 * max(int(parameters.window_px / _STRIDE / 2), 1) + 1
     local = cv2.blur(coarse, (window, window), borderType=cv2.BORDER_REFLECT)
-    upper = parameters.max_contrast * unit
-    lower = np.clip(parameters.noise_factor * noise, parameters.min_contrast * unit, upper)
+    upper = parameters.max_contrast * GRADIENT_UNIT
+    lower = np.clip(parameters.noise_factor * noise, parameters.min_contrast * GRADIENT_UNIT, upper)
     upper = max(upper, float(sample[int((1 - _MAX_STRONG_SHARE) * (sample.size - 1))]))
     threshold = np.clip(parameters.clutter_factor * local, lower, upper)
     gain = cv2.resize(np.asarray(_UNIT / threshold, np.float32), (width, height), interpolation=cv2.INTER_LINEAR)

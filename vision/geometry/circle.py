@@ -12,6 +12,7 @@ from vision.errors import InputError
 from vision.frozen import frozen_arrays
 from vision.geometry.camera import Camera, View
 from vision.geometry.ellipse import Ellipse
+from vision.geometry.focal_form import conics_to_geometric
 
 Array = NDArray[np.float64]
 
@@ -86,18 +87,8 @@ def circle_conics(centres: Array, normals: Array, radii: Array, K: Array) -> Arr
 
 def conic_ellipses(conics: Array) -> Array:
     """Geometric parameters (..., 5) of conics (..., 3, 3): centre x, y, semi-axes, angle; NaN where no ellipse."""
-    a, b, c = conics[..., 0, 0], conics[..., 0, 1], conics[..., 1, 1]
-    d, e, f = conics[..., 0, 2], conics[..., 1, 2], conics[..., 2, 2]
-    determinant = a * c - b * b
-    with np.errstate(all="ignore"):
-        x, y = (b * e - c * d) / determinant, (b * d - a * e) / determinant
-        value = -(d * x + e * y + f)
-        mean, spread = (a + c) / 2, np.hypot((a - c) / 2, b)
-        semi_major, semi_minor = np.sqrt(value / (mean - spread)), np.sqrt(value / (mean + spread))
-    angle = (np.arctan2(2 * b, a - c) / 2 + np.pi / 2) % np.pi
-    out = np.stack([x, y, semi_major, semi_minor, angle], axis=-1)
-    out[~((determinant > 0) & (value > 0))] = np.nan
-    return np.asarray(out)
+    flat = np.ascontiguousarray(conics).reshape(-1, 3, 3)
+    return np.asarray(conics_to_geometric(flat)).reshape(*conics.shape[:-2], 5)
 
 
 def project_circle(circle: Circle, view: View) -> Ellipse | None:

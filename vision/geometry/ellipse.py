@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vision.errors import InputError
 from vision.frozen import frozen_arrays
+from vision.geometry.focal_form import conic_to_geometric, focals_to_conics, focals_to_geometric, measure
 
 Array = NDArray[np.float64]
 
@@ -56,16 +57,10 @@ class Ellipse:
             InputError: when the conic is not a real ellipse.
         """
         c = np.asarray(conic, dtype=float)
-        quadratic = c[:2, :2]
-        if not np.isfinite(c).all() or np.linalg.det(quadratic) <= 0:
-            raise InputError("conic", got=c.tolist(), expected="a real ellipse (positive definite quadratic part)")
-        centre = np.linalg.solve(quadratic, -c[:2, 2])
-        value = c[:2, 2] @ centre + c[2, 2]
-        eigenvalues, axes = np.linalg.eigh(-quadratic / value if value else quadratic * np.inf)
-        if not np.isfinite(eigenvalues).all() or eigenvalues.min() <= 0:
-            raise InputError("conic", got=c.tolist(), expected="a real ellipse (not a point, not imaginary)")
-        semi_major, semi_minor = 1 / np.sqrt(eigenvalues)
-        return cls.from_geometric(centre[0], centre[1], semi_major, semi_minor, np.arctan2(axes[1, 0], axes[0, 0]))
+        geometric = np.empty(5)
+        if not conic_to_geometric(c[0, 0], c[0, 1], c[1, 1], c[0, 2], c[1, 2], c[2, 2], geometric):
+            raise InputError("conic", got=c.tolist(), expected="a real ellipse, not a point or imaginary")
+        return cls.from_geometric(*geometric)
 
     @property
     def centre(self) -> Array:
@@ -110,11 +105,8 @@ class Ellipse:
         return self.centre + np.column_stack([c * along - s * across, s * along + c * across])
 
     def distance(self, points: ArrayLike) -> Array:
-        """First-order (Sampson) distance of points (N, 2) to the boundary in pixels, negative inside."""
-        homogeneous = np.column_stack([np.atleast_2d(points), np.ones(len(np.atleast_2d(points)))])
-        gradient = homogeneous @ self.conic
-        value = np.einsum("ij,ij->i", gradient, homogeneous)
-        return value / (2 * np.maximum(np.hypot(gradient[:, 0], gradient[:, 1]), 1e-12))
+        """Distance in pixels of points (N, 2) to the boundary: f of eq. (3) over |df/dz|, negative inside."""
+        return focal_distances(self.p, np.atleast_2d(np.asarray(points, dtype=float)))[0]
 
     def normals(self, points: ArrayLike) -> Array:
         """Unit normals (N, 2), pointing outwards, of the concentric ellipses of this shape through points (N, 2)."""
@@ -137,24 +129,19 @@ class Ellipse:
 
 def geometric_parameters(p: Array) -> Array:
     """(..., 5) centre x, y, semi-major, semi-minor and angle of ellipses with focal parameters (..., 5)."""
-    d, semi_major = p[..., :2] - p[..., 2:4], p[..., 4] / 2
-    semi_minor = np.sqrt(semi_major**2 - (np.hypot(d[..., 0], d[..., 1]) / 2) ** 2)
-    angle = np.arctan2(d[..., 1], d[..., 0]) % np.pi
-    centre = (p[..., :2] + p[..., 2:4]) / 2
-    return np.stack([centre[..., 0], centre[..., 1], semi_major, semi_minor, angle], axis=-1)
+    return np.asarray(focals_to_geometric(np.ascontiguousarray(p).reshape(-1, 5))).reshape(p.shape)
 
 
 def conic_matrices(p: Array) -> Array:
     """The matrices (..., 3, 3) of :attr:`Ellipse.conic` of ellipses with focal parameters (..., 5)."""
-    x, y, semi_major, semi_minor, angle = np.moveaxis(geometric_parameters(p), -1, 0)
-    c, s = np.cos(angle), np.sin(angle)
-    to_unit_circle = np.zeros((*p.shape[:-1], 3, 3))
-    to_unit_circle[..., 0, 0], to_unit_circle[..., 0, 1] = c / semi_major, s / semi_major
-    to_unit_circle[..., 1, 0], to_unit_circle[..., 1, 1] = -s / semi_minor, c / semi_minor
-    to_unit_circle[..., 0, 2] = -(c * x + s * y) / semi_major
-    to_unit_circle[..., 1, 2] = (s * x - c * y) / semi_minor
-    to_unit_circle[..., 2, 2] = 1.0
-    return np.swapaxes(to_unit_circle, -1, -2) @ np.diag([1.0, 1.0, -1.0]) @ to_unit_circle
+    return np.asarray(focals_to_conics(np.ascontiguousarray(p).reshape(-1, 5))).reshape(*p.shape[:-1], 3, 3)
+
+
+def focal_distances(p: Array, points: Array) -> tuple[Array, Array]:
+    """Signed distances (N,) of points (N, 2) to the ellipse p, to first order, and |df/dz| (N,)."""
+    distance, slope = np.empty(len(points)), np.empty(len(points))
+    measure(np.asarray(p, dtype=float), np.ascontiguousarray(points), distance, slope)
+    return distance, slope
 
 
 def focal_residual(p: Array, points: Array) -> Array:

@@ -1,9 +1,16 @@
-"""Compiled algebra of the focal form p = (u1, v1, u2, v2, s): direct fit of a conic, and distance to an ellipse."""
+"""The three forms of an ellipse and the ways between them, compiled.
+
+Focal: p = (u1, v1, u2, v2, s) of the paper's eq. (3), two focal points and the sum of the distances from them.
+Geometric: centre x, y, semi-major, semi-minor axis, and the angle of the major one from x towards y.
+Conic: the symmetric matrix C with (u, v, 1) C (u, v, 1)ᵀ = 0 on the boundary.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
+
+_LEAST_SLOPE = 1e-3
 
 
 @njit(cache=True)
@@ -13,101 +20,122 @@ def norm2(x, y):
 
 
 @njit(cache=True)
-def solve5(matrix, right):
-    """Solve a symmetric positive definite 5x5 system in place (Cholesky); False when it is singular."""
-    for i in range(5):
-        for j in range(i + 1):
-            value = matrix[i, j]
-            for k in range(j):
-                value -= matrix[i, k] * matrix[j, k]
-            if i == j:
-                if value <= 1e-14 * abs(matrix[i, i]) or not value > 0.0:
-                    return False
-                matrix[i, i] = np.sqrt(value)
-            else:
-                matrix[i, j] = value / matrix[j, j]
-    for i in range(5):
-        for k in range(i):
-            right[i] -= matrix[i, k] * right[k]
-        right[i] /= matrix[i, i]
-    for i in range(4, -1, -1):
-        for k in range(i + 1, 5):
-            right[i] -= matrix[k, i] * right[k]
-        right[i] /= matrix[i, i]
+def conic_to_geometric(xx, xy, yy, x1, y1, one, out):
+    """Write the geometric form (5,) of a conic, given by its six elements; False where it is no real ellipse.
+
+    The sign of the conic is free.
+    """
+    determinant = xx * yy - xy * xy
+    if not determinant > 0:
+        return False
+    x, y = (xy * y1 - yy * x1) / determinant, (xy * x1 - xx * y1) / determinant
+    mean, spread = 0.5 * (xx + yy), norm2(0.5 * (xx - yy), xy)
+    value = -(x1 * x + y1 * y + one)
+    if mean < 0:
+        mean, value, xx, xy, yy = -mean, -value, -xx, -xy, -yy
+    smaller = determinant / (mean + spread)  # mean - spread, without the loss of digits where the ellipse is flat
+    if not (value > 0 and smaller > 0 and np.isfinite(value)):
+        return False
+    out[0], out[1] = x, y
+    out[2], out[3] = np.sqrt(value / smaller), np.sqrt(value / (mean + spread))
+    out[4] = (0.5 * np.arctan2(2 * xy, xx - yy) + 0.5 * np.pi) % np.pi
     return True
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"})
-def normal_equations5(rows, n, matrix, right):
-    """Normal equations of n equations in 5 unknowns, the columns of ``rows`` (6, N) with their right sides below.
-
-    Only the lower triangle of ``matrix`` (5, 5) is written. Sums may be taken in any order here, for then several
-    products are formed at a time.
-    """
-    for i in range(6):
-        for j in range(min(i + 1, 5)):
-            total = 0.0
-            for k in range(n):
-                total += rows[i, k] * rows[j, k]
-            if i < 5:
-                matrix[i, j] = total
-            else:
-                right[j] = total
+@njit(cache=True)
+def conics_to_geometric(conics):
+    """Geometric forms (N, 5) of conics (N, 3, 3); NaN where one is no real ellipse."""
+    out = np.empty((len(conics), 5))
+    for k in range(len(conics)):
+        c = conics[k]
+        if not conic_to_geometric(c[0, 0], c[0, 1], c[1, 1], c[0, 2], c[1, 2], c[2, 2], out[k]):
+            out[k] = np.nan
+    return out
 
 
 @njit(cache=True)
-def fit_algebraic(x, y, nx, ny, n, p):
-    """Conic through n points that is square to their normals, as focal parameters p; False if not an ellipse.
-
-    The quadratic part A x² + B x y + C y² has the trace A + C = 1, which does not depend on the coordinate axes
-    and leaves a linear problem. The normals steady the fit of short arcs.
-    """
-    mx, my = x[:n].mean(), y[:n].mean()
-    scale = 1e-9
-    for k in range(n):
-        scale = max(scale, abs(x[k] - mx), abs(y[k] - my))
-    normal_weight = 4.0 / scale  # an error of 0.3 px in place weighs like one of 0.08 rad in direction
-    m, r, rows = np.zeros((5, 5)), np.zeros(5), np.empty((6, 2 * n))
-    for k in range(n):
-        u, v = (x[k] - mx) / scale, (y[k] - my) / scale
-        tx, ty = -ny[k] * normal_weight, nx[k] * normal_weight
-        rows[0, k], rows[1, k], rows[2, k], rows[3, k] = u * u - v * v, u * v, u, v
-        rows[4, k], rows[5, k] = 1.0, -v * v
-        q = n + k
-        rows[0, q], rows[1, q], rows[2, q], rows[3, q] = 2 * (u * tx - v * ty), v * tx + u * ty, tx, ty
-        rows[4, q], rows[5, q] = 0.0, -2 * v * ty
-    normal_equations5(rows, 2 * n, m, r)
-    if not solve5(m, r):
-        return False
-    return _conic_to_focal(r[0], r[1], 1 - r[0], r[2], r[3], r[4], mx, my, scale, p)
+def geometric_to_conic(geometric):
+    """The conic (3, 3), negative inside, of a geometric form (5,)."""
+    x, y, semi_major, semi_minor, angle = geometric
+    c, s = np.cos(angle) / semi_major, np.sin(angle) / semi_major
+    along = np.array([c, s, -(c * x + s * y)])
+    c, s = np.cos(angle) / semi_minor, np.sin(angle) / semi_minor
+    across = np.array([-s, c, s * x - c * y])
+    conic = np.outer(along, along) + np.outer(across, across)
+    conic[2, 2] -= 1
+    return conic
 
 
 @njit(cache=True)
-def _conic_to_focal(a, b, c, d, e, f, mx, my, scale, p):
-    """Focal parameters of the conic a x² + b x y + c y² + d x + e y + f = 0; False if not a real ellipse."""
-    determinant = 4 * a * c - b * b
-    if determinant < 1e-5:
-        return False
-    cx, cy = (b * e - 2 * c * d) / determinant, (b * d - 2 * a * e) / determinant
-    value = -(f + 0.5 * (d * cx + e * cy))
-    root = np.sqrt((a - c) ** 2 + b * b)
-    small, large = 0.5 * (a + c - root), 0.5 * (a + c + root)
-    if value / max(small, 1e-12) <= 0 or small <= 0:
-        return False
-    major, minor = np.sqrt(value / small), np.sqrt(value / large)
-    angle = 0.5 * np.arctan2(-b, c - a)  # of the eigenvector of the smaller eigenvalue
-    focal = np.sqrt(max(major * major - minor * minor, 0.0))
-    fx, fy = focal * np.cos(angle), focal * np.sin(angle)
-    p[0], p[1] = mx + scale * (cx + fx), my + scale * (cy + fy)
-    p[2], p[3] = mx + scale * (cx - fx), my + scale * (cy - fy)
-    p[4] = 2 * scale * major
-    return True
+def geometric_to_focal(geometric, p):
+    """Write the focal form (5,) of a geometric one (5,)."""
+    x, y, semi_major, semi_minor, angle = geometric
+    half = np.sqrt(max(semi_major**2 - semi_minor**2, 0.0))
+    u, v = half * np.cos(angle), half * np.sin(angle)
+    p[0], p[1], p[2], p[3], p[4] = x + u, y + v, x - u, y - v, 2 * semi_major
+
+
+@njit(cache=True)
+def axes(p):
+    """Centre, semi-axes, and direction of the major axis (cosine and sine) of a focal form (5,)."""
+    dx, dy = 0.5 * (p[0] - p[2]), 0.5 * (p[1] - p[3])
+    focal = norm2(dx, dy)
+    major = 0.5 * p[4]
+    minor = np.sqrt(max((major - focal) * (major + focal), 0.0))
+    cos, sin = (dx / focal, dy / focal) if focal > 1e-9 else (1.0, 0.0)
+    return 0.5 * (p[0] + p[2]), 0.5 * (p[1] + p[3]), major, minor, cos, sin
+
+
+@njit(cache=True)
+def focal_to_geometric(p, out):
+    """Write the geometric form (5,) of a focal one (5,)."""
+    out[0], out[1], out[2], out[3], cos, sin = axes(p)
+    out[4] = np.arctan2(sin, cos) % np.pi
+
+
+@njit(cache=True)
+def focals_to_geometric(ps):
+    """Geometric forms (N, 5) of focal ones (N, 5)."""
+    out = np.empty(ps.shape)
+    for k in range(len(ps)):
+        focal_to_geometric(ps[k], out[k])
+    return out
+
+
+@njit(cache=True)
+def focals_to_conics(ps):
+    """Conics (N, 3, 3), negative inside, of focal forms (N, 5)."""
+    geometric, out = np.empty(5), np.empty((len(ps), 3, 3))
+    for k in range(len(ps)):
+        focal_to_geometric(ps[k], geometric)
+        out[k] = geometric_to_conic(geometric)
+    return out
+
+
+@njit(cache=True)
+def residual(p, x, y):
+    """Residual f of eq. (3) at a point, and all that its derivatives need.
+
+    Returns:
+        f = |z - P1| + |z - P2| - s, the unit vectors (x, y) from P1 and from P2 to the point, and the length of their
+        sum, |df/dz|. df/dp is minus the first vector, minus the second, and -1.
+    """
+    ax, ay, bx, by = x - p[0], y - p[1], x - p[2], y - p[3]
+    s1, s2 = max(norm2(ax, ay), 1e-9), max(norm2(bx, by), 1e-9)
+    ax, ay, bx, by = ax / s1, ay / s1, bx / s2, by / s2
+    return s1 + s2 - p[4], ax, ay, bx, by, max(norm2(ax + bx, ay + by), _LEAST_SLOPE)
 
 
 @njit(cache=True)
 def signed_distance(p, x, y):
     """First-order distance of a point to the ellipse p: f of eq. (3) over |df/dz|; positive outside."""
-    ax, ay, bx, by = x - p[0], y - p[1], x - p[2], y - p[3]
-    s1, s2 = max(norm2(ax, ay), 1e-9), max(norm2(bx, by), 1e-9)
-    slope = norm2(ax / s1 + bx / s2, ay / s1 + by / s2)
-    return (s1 + s2 - p[4]) / max(slope, 1e-3)
+    f, _, _, _, _, slope = residual(p, x, y)
+    return f / slope
+
+
+@njit(cache=True)
+def measure(p, points, distance, slope):
+    """Write the :func:`signed_distance` of points (N, 2) to p into ``distance`` (N,), and |df/dz| into ``slope``."""
+    for k in range(len(points)):
+        f, _, _, _, _, slope[k] = residual(p, points[k, 0], points[k, 1])
+        distance[k] = f / slope[k]

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from vision.geometry.focal_form import signed_distance
-from vision.grouping.support import axes
+from vision.geometry.focal_form import axes, signed_distance
 
 _SAMPLES, _APART_SAMPLES = 64, 16
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from vision.edges.edge_map import EdgeMap, EdgeParameters, as_gray, detect_edges
 from vision.errors import InputError
 from vision.features import EllipseFeature
+from vision.geometry.blur import unshrink
 from vision.grouping.duplicates import is_known
 from vision.grouping.fragments import Fragment, FragmentParameters, FragmentTable, extract_fragments
 from vision.grouping.hypotheses import (
@@ -19,7 +20,7 @@ from vision.grouping.hypotheses import (
     pair_fragments,
     representatives,
 )
-from vision.grouping.kalman_filter import FilterParameters, FilterResult, distances, fit_ellipse, unshrink
+from vision.grouping.kalman_filter import FilterParameters, FilterResult, fit_ellipse
 from vision.grouping.score import COVERAGE, DEFAULT_WEIGHTS, SCORE, ScoreWeights
 from vision.grouping.support import EdgeArrays
 from vision.grouping.verification import EllipseLimits, select_survivors, verify_hypotheses
@@ -222,7 +223,7 @@ def _filter_survivors(
     known = np.empty((len(numbers), 5))
     scores = quality[:, SCORE]
     for k in np.argsort(-scores, kind="stable"):
-        points = unshrink(ps[k], edges.settled(numbers[k]), parameters.edges.total_smoothing_px)
+        points = np.asarray(unshrink(ps[k], edges.settled(numbers[k]), parameters.edges.blur_variance))
         result = _filtered(ps[k], points, parameters)
         if result is None or result.fitting_error_px > parameters.max_error_px:
             continue
@@ -251,6 +252,6 @@ def _filtered(p: Array, points: Array, parameters: GroupingParameters) -> Filter
 
 def _members(feature: EllipseFeature, points: Array, tolerance_px: float) -> tuple[int, ...]:
     """Numbers of the fragments that lie on an ellipse, by their representative points (F, 16, 2)."""
-    offset, _ = distances(feature.ellipse.p, points.reshape(-1, 2))
+    offset = feature.ellipse.distance(points.reshape(-1, 2))
     share = (np.abs(offset.reshape(points.shape[:2])) <= tolerance_px).mean(axis=1)
     return tuple(int(f) for f in np.flatnonzero(share >= 0.75))

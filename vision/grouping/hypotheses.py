@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from vision.edges.edge_map import EdgeMap
 from vision.frozen import frozen_arrays
-from vision.geometry.focal_form import fit_algebraic, norm2, signed_distance
+from vision.geometry.algebraic_fit import fit_algebraic
+from vision.geometry.focal_form import axes, norm2, signed_distance
 from vision.grouping.fragments import FragmentTable
 
 Array = NDArray[np.float64]
@@ -225,8 +226,7 @@ def _fit_all(groups, points, normals, length, max_error, min_share, min_size, ma
         p = ps[g]
         if not fit_algebraic(x, y, nx, ny, count, p):
             continue
-        focal = norm2(p[0] - p[2], p[1] - p[3])
-        minor = np.sqrt(max(p[4] ** 2 - focal**2, 0.0)) / 2
+        minor = axes(p)[3]
         if not (2 * min_size <= p[4] <= 2 * max_size) or minor < 0.5 * MIN_SEMI_MINOR_PX or minor < 0.06 * p[4]:
             continue
         own = length[groups[g, 0]] + (length[groups[g, 1]] if groups[g, 1] >= 0 else 0.0)

@@ -16,22 +16,11 @@ from numpy.typing import NDArray
 
 from vision.errors import InputError
 from vision.frozen import frozen_arrays
-from vision.geometry.ellipse import Ellipse, focal_residual
-from vision.geometry.focal_form import norm2
+from vision.geometry.ellipse import Ellipse
+from vision.geometry.focal_form import measure, norm2, residual
 from vision.settings import NOT_NEGATIVE, POSITIVE, check, count
 
 MIN_POINTS = 6
-
-
-@njit(cache=True)
-def measure(p, points, offset, slope):
-    """First-order distances of points (N, 2) to p into ``offset`` (N,), and |df/dz| into ``slope`` (N,)."""
-    for k in range(len(points)):
-        ax, ay, bx, by = points[k, 0] - p[0], points[k, 1] - p[1], points[k, 0] - p[2], points[k, 1] - p[3]
-        s1, s2 = norm2(ax, ay), norm2(bx, by)
-        t1, t2 = max(s1, 1e-9), max(s2, 1e-9)
-        slope[k] = max(norm2(ax / t1 + bx / t2, ay / t1 + by / t2), 1e-3)
-        offset[k] = (s1 + s2 - p[4]) / slope[k]
 
 
 @njit(cache=True)
@@ -49,12 +38,10 @@ def update(prior, at, prior_px, points, inliers, deviation, posterior):
     for k in range(len(points)):
         if not inliers[k]:
             continue
-        ax, ay, bx, by = points[k, 0] - at[0], points[k, 1] - at[1], points[k, 0] - at[2], points[k, 1] - at[3]
-        s1, s2 = norm2(ax, ay), norm2(bx, by)
-        t1, t2 = max(s1, 1e-9), max(s2, 1e-9)
-        weight = 1 / (max(norm2(ax / t1 + bx / t2, ay / t1 + by / t2), 1e-3) * deviation)
-        h[0], h[1], h[2], h[3], h[4] = -ax / t1, -ay / t1, -bx / t2, -by / t2, -1.0
-        innovation = -(s1 + s2 - at[4]) * weight
+        f, ax, ay, bx, by, slope = residual(at, points[k, 0], points[k, 1])
+        weight = 1 / (slope * deviation)
+        h[0], h[1], h[2], h[3], h[4] = -ax, -ay, -bx, -by, -1.0
+        innovation = -f * weight
         for i in range(5):
             h[i] *= weight
             innovation += h[i] * (at[i] - prior[i])
@@ -176,38 +163,6 @@ def moment_estimate(points: Array) -> Array:
     semi_minor, semi_major = np.sqrt(2 * np.maximum(spread, 1e-6))
     focal = np.sqrt(semi_major**2 - semi_minor**2) * axes[:, 1]
     return np.array([*(centroid + focal), *(centroid - focal), 2 * semi_major])
-
-
-def distances(p: Array, points: Array) -> tuple[Array, Array]:
-    """Signed distance of points (N, 2) to the ellipse, to first order, and |df/dz| (N,)."""
-    d1, d2 = points - p[:2], points - p[2:4]
-    unit1 = d1 / np.maximum(np.hypot(d1[:, 0], d1[:, 1]), 1e-9)[:, None]
-    unit2 = d2 / np.maximum(np.hypot(d2[:, 0], d2[:, 1]), 1e-9)[:, None]
-    slope = np.maximum(np.hypot(*(unit1 + unit2).T), 1e-3)
-    return focal_residual(p, points) / slope, slope
-
-
-def unshrink(p: Array, points: Array, smoothing_px: float) -> Array:
-    """Edge points (N, 2) on the ellipse p, moved out to where they would be without smoothing.
-
-    A Gaussian of variance t² draws the edge of a disc of radius r towards its centre by t² / 2r. The radius of
-    curvature of an ellipse where the focal distances are s1 and s2 is (s1 s2)^1.5 / (a b).
-    """
-    return np.asarray(_unshrunk(np.asarray(p, dtype=float), np.asarray(points, dtype=float), float(smoothing_px)))
-
-
-@njit(cache=True)
-def _unshrunk(p, points, smoothing):
-    focal = norm2(p[0] - p[2], p[1] - p[3])
-    axes_product = 0.25 * p[4] * np.sqrt(max(p[4] * p[4] - focal * focal, 0.0))
-    moved = np.empty_like(points)
-    for k in range(len(points)):
-        ax, ay, bx, by = points[k, 0] - p[0], points[k, 1] - p[1], points[k, 0] - p[2], points[k, 1] - p[3]
-        s1, s2 = max(norm2(ax, ay), 1e-9), max(norm2(bx, by), 1e-9)
-        x, y = ax / s1 + bx / s2, ay / s1 + by / s2
-        shift = min(0.5 * smoothing * smoothing * axes_product / (s1 * s2) ** 1.5, 0.5) / max(norm2(x, y), 1e-9)
-        moved[k, 0], moved[k, 1] = points[k, 0] + shift * x, points[k, 1] + shift * y
-    return moved
 
 
 def fit_ellipse(

@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from vision.geometry.focal_form import norm2, signed_distance
-from vision.grouping.support import OUTSIDE, axes
+from vision.geometry.focal_form import axes, norm2, signed_distance
+from vision.grouping.support import OUTSIDE
 
 # Columns of the quality of a hypothesis.
 COVERAGE, ERROR, DIRECTION, VISIBLE, CHAIN, CLUTTER, SUPPORT, MINOR, PIECES, TURN, SCORE = range(11)

@@ -14,7 +14,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.edges.edge_map import EdgeMap
-from vision.geometry.focal_form import norm2, normal_equations5, solve5
+from vision.geometry.focal_form import axes, residual
+from vision.geometry.small_systems import factorise, normal_equations5, solve
 
 Array = NDArray[np.float64]
 
@@ -46,17 +47,6 @@ class EdgeArrays(NamedTuple):
         chain_points = np.diff(edges.offsets)
         chain = np.repeat(np.arange(len(chain_points)), chain_points)
         return cls(edges.index, edges.points, edges.gradients, chain, chain_points)
-
-
-@njit(cache=True)
-def axes(p):
-    """Centre, semi-axes, and direction of the major axis of the focal parameters p."""
-    dx, dy = 0.5 * (p[0] - p[2]), 0.5 * (p[1] - p[3])
-    focal = norm2(dx, dy)
-    major = 0.5 * p[4]
-    minor = np.sqrt(max(major * major - focal * focal, 1e-6))
-    cos, sin = (dx / focal, dy / focal) if focal > 1e-9 else (1.0, 0.0)
-    return 0.5 * (p[0] + p[2]), 0.5 * (p[1] + p[3]), major, minor, cos, sin
 
 
 @njit(cache=True)
@@ -150,18 +140,15 @@ def drop_short_runs(hits, steps, min_run):
 def _weighted_rows(p, points, hits, steps, rows):
     """Write a column of ``rows`` (6, N) for every supporting point, and return how many.
 
-    It holds the derivatives of the distance by p, and the distance taken negative, both weighted.
+    It holds the derivatives of the distance by p, and the negated distance; both weighted.
     """
     n = 0
     for k in range(steps):
         j = hits[k]
         if j < 0 or (k > 0 and hits[k - 1] == j):
             continue
-        ax, ay, bx, by = points[j, 0] - p[0], points[j, 1] - p[1], points[j, 0] - p[2], points[j, 1] - p[3]
-        s1, s2 = max(norm2(ax, ay), 1e-9), max(norm2(bx, by), 1e-9)
-        ax, ay, bx, by = ax / s1, ay / s1, bx / s2, by / s2
-        slope = max(norm2(ax + bx, ay + by), 1e-3)
-        distance = (s1 + s2 - p[4]) / slope
+        f, ax, ay, bx, by, slope = residual(p, points[j, 0], points[j, 1])
+        distance = f / slope
         weight = 1 / np.sqrt(1 + distance * distance)
         each = -weight / slope
         rows[0, n], rows[1, n], rows[2, n], rows[3, n] = each * ax, each * ay, each * bx, each * by
@@ -179,8 +166,9 @@ def refine(p, edges, hits, steps, iterations):
         normal_equations5(rows, n, matrix, right)
         for i in range(5):
             matrix[i, i] += 1e-3 * matrix[i, i] + 1e-9
-        if not solve5(matrix, right):
+        if not factorise(matrix):
             return False
+        solve(matrix, right)
         for i in range(5):
             p[i] += right[i]
         if not p[4] > 1.0 or p[4] ** 2 - (p[0] - p[2]) ** 2 - (p[1] - p[3]) ** 2 < 1e-3 * p[4] ** 2:

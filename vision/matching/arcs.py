@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from vision.extraction import Arc
 from vision.geometry.camera import CameraArrays, View
+from vision.geometry.small_systems import factorise, solve
 from vision.geometry.workspace import Workspace
 from vision.model.solid import OUTLINE_SHARE
 from vision.model.vision_model import SalientCircles
-from vision.pose.alignment import rows_of_circle, solve_normal_equations, turn_and_move
+from vision.pose.alignment import rows_of_circle, turn_and_move
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -29,7 +30,7 @@ TILT_SIGMA_RAD = np.radians(12.0)
 DEPTH_SIGMA = 0.02  # relative
 DEPTH_LEVELS = (0.15, 0.4, 0.65)  # of the workspace's height
 ITERATIONS = 4
-LARGEST_RESIDUAL_PX = 1.5
+LARGEST_RESIFOCAL_PX = 1.5
 
 
 def arc_poses(
@@ -139,12 +140,13 @@ def _fit_arc(poses, points, T_camera_world, intrinsics, circle):
                 N[3 + a, 3 + a] += 1 / TILT_SIGMA_RAD**2
                 for b in range(3):
                     N[a, b] += stiff * sight[a] * sight[b]
-            step = solve_normal_equations(N, g)
+            factorise(N)
+            solve(N, g)
             for a in range(3):
-                turned[a] += step[3 + a]
-            turn_and_move(pose, step)
+                turned[a] += g[3 + a]
+            turn_and_move(pose, g)
         spread = np.median(np.abs(residuals[:count])) if count >= n // 2 else np.inf
-        good[i] = spread < LARGEST_RESIDUAL_PX and circle.side * _facing(T_camera_world @ pose) < 0
+        good[i] = spread < LARGEST_RESIFOCAL_PX and circle.side * _facing(T_camera_world @ pose) < 0
     return good
 
 

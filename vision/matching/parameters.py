@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from vision.errors import InputError
 from vision.pose.calibration import EXACT, CalibrationError
 from vision.pose.edge_errors import USUAL, EdgeErrors
+from vision.pose.probability import USUAL_WEIGHTS, ProbabilityWeights
 from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, Allowed, check, count
 
 
@@ -21,8 +22,8 @@ class ConfirmationParameters:
         claim_support: support of a sample from which a part that was found claims its edge.
         claimed_share: share of an arc's points on claimed edges, from which the arc counts as claimed.
         chance_support: what random edges give.
-        least_shown: a smaller share of the circles that face a view must speak for more than itself,
-        demand: by so much support for each share that is lacking.
+        least_shown: share of the circles that face a view; a pose that shows less of them needs extra support,
+        demand: so much of it for each share that is lacking.
         inplane_step_px: how finely the turn about the axis is looked for.
         rival_px: how far from the best turn another one is a rival.
         rival_support: by how much less than the best a rival is supported where it is no worse.
@@ -77,6 +78,7 @@ class MatchingParameters:
         leash: how far a refinement may move a pose before it has run away, in part diameters.
         calibration: how unsure the calibration of the views is; it widens the covariances and moves no pose.
         edge_errors: the errors that many edges share; they too widen the covariances and move no pose.
+        probability_weights: how likely a pose is right by what confirms it.
         joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points, as a
             localizer with one extractor always does.
     """
@@ -95,6 +97,7 @@ class MatchingParameters:
     leash: float = 0.05
     calibration: CalibrationError = EXACT
     edge_errors: EdgeErrors = USUAL
+    probability_weights: ProbabilityWeights = USUAL_WEIGHTS
     joint_edges: bool = True
 
     def __post_init__(self) -> None:

@@ -40,6 +40,7 @@ class Evidence:
         salient: (N,) the same over the salient circles only.
         promise: (N,) mean support of the salient circles times the share in sight: before a pose is exact, long
             edges near it promise more than short ones on it.
+        shown: (N,) share in sight of the samples that face the views.
         views: (N,) number of views whose support is at least half of the best view's.
         of_circle: (N, C) mean support of each circle of the contour.
         samples: (N, C) number of its samples in sight, over all views; 0 where a circle is not seen.
@@ -48,6 +49,7 @@ class Evidence:
     score: Array
     salient: Array
     promise: Array
+    shown: Array
     views: NDArray[np.intp]
     of_circle: Array
     samples: Array
@@ -97,7 +99,8 @@ class SceneEdges:
         # A small hole says as much per pixel as a rim, but a rim is longer: square roots balance the two.
         weight = contour.circle_weight * np.sqrt(seen.sum(axis=1))
         mean = total.sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
-        shown = np.minimum(seen.sum(axis=(1, 2)) / np.maximum(facing.sum(axis=(1, 2)), 1), least_shown)
+        in_sight = seen.sum(axis=(1, 2)) / np.maximum(facing.sum(axis=(1, 2)), 1)
+        shown = np.minimum(in_sight, least_shown)
         # Where only a little is in sight, other edges happen to lie along it more easily.
         lacking = self.parameters.demand * (least_shown - shown)
         salient = _weighted_mean(mean, weight * contour.circle_salient)
@@ -106,6 +109,7 @@ class SceneEdges:
             np.maximum(_weighted_mean(mean, weight) - lacking, 0.0),
             np.maximum(salient - lacking, 0.0),
             salient * shown / least_shown,
+            in_sight,
             np.count_nonzero(of_view > 0.5 * np.maximum(of_view.max(axis=1, keepdims=True), 0.1), axis=1),
             mean,
             seen.sum(axis=1),

@@ -13,6 +13,7 @@ from vision.features import EllipseFeature
 from vision.frozen import read_only
 from vision.geometry.camera import CameraArrays
 from vision.geometry.ellipse import geometric_parameters
+from vision.geometry.focal_form import conic_to_geometric
 from vision.model.vision_model import SalientCircles
 from vision.pose.observations import POINTS_PER_ELLIPSE
 
@@ -34,7 +35,7 @@ FACING_COSINE = 0.12
 
 
 def count_votes(
-    poses: Array, cameras: CameraArrays, circles: SalientCircles, table: EllipseTable
+    poses: Array, cameras: CameraArrays, circles: SalientCircles, table: EllipseTable, slack: float = 1.0
 ) -> tuple[Array, Indices]:
     """Votes (N,) and matches (N, V, K) of poses (N, 4, 4).
 
@@ -46,13 +47,14 @@ def count_votes(
         cameras: of the views.
         circles: the salient circles.
         table: the ellipses.
+        slack: factor on the tolerances.
 
     Returns:
         The votes, and for every view and circle the number of the matched ellipse within its view, -1 for none.
     """
     n, views, k = len(poses), len(cameras.intrinsics), len(circles.radius)
     votes, matches = np.zeros(n), np.full((n, views, k), -1, np.intp)
-    _tally_votes(poses, cameras, circles, table, votes, matches)
+    _tally_votes(poses, cameras, circles, table, float(slack), votes, matches)
     return votes, matches
 
 
@@ -85,25 +87,15 @@ def predict_circle(T, intrinsics, height, side, radius, out):
     d = (-nc * (nx * pz + nz * px) + q * nx * nz) / fx
     e = (-nc * (ny * pz + nz * py) + q * ny * nz) / fy
     f = s - 2 * nc * nz * pz + q * nz * nz
-    determinant = a * c - b * b
-    if determinant <= 0:
+    if not conic_to_geometric(a, b, c, d, e, f, out):
         return False
-    x, y = (b * e - c * d) / determinant, (b * d - a * e) / determinant
-    value = -(d * x + e * y + f)
-    mean, spread = 0.5 * (a + c), np.sqrt((0.5 * (a - c)) ** 2 + b * b)
-    if mean < 0:  # the sign of the conic is free
-        mean, value = -mean, -value
-        a, b, c = -a, -b, -c
-    if value <= 0 or mean <= spread:
-        return False
-    out[0], out[1] = x + intrinsics[2], y + intrinsics[3]
-    out[2], out[3] = np.sqrt(value / (mean - spread)), np.sqrt(value / (mean + spread))
-    out[4] = (0.5 * np.arctan2(2 * b, a - c) + 0.5 * np.pi) % np.pi
+    out[0] += intrinsics[2]
+    out[1] += intrinsics[3]
     return True
 
 
 @njit(cache=True)
-def _tally_votes(poses, cameras, circles, table, votes, matches):
+def _tally_votes(poses, cameras, circles, table, slack, votes, matches):
     T_camera_world, intrinsics = cameras.T_camera_world, cameras.intrinsics
     height, side, radius = circles.height, circles.side, circles.radius
     first, geometric, support = table.first, table.geometric, table.support
@@ -119,14 +111,13 @@ def _tally_votes(poses, cameras, circles, table, votes, matches):
                 best = 0.0
                 for m in range(first[v], first[v + 1]):
                     seen = geometric[m]
-                    cost = np.hypot(predicted[0] - seen[0], predicted[1] - seen[1]) / (
-                        CENTRE_TOLERANCE.px + CENTRE_TOLERANCE.share * scale
-                    )
+                    apart = np.hypot(predicted[0] - seen[0], predicted[1] - seen[1])
+                    cost = apart / (CENTRE_TOLERANCE.px + CENTRE_TOLERANCE.share * scale) / slack
                     if cost >= 1:
                         continue
                     major = abs(scale - seen[2]) / (MAJOR_TOLERANCE.px + MAJOR_TOLERANCE.share * scale)
                     minor = abs(predicted[3] - seen[3]) / (MINOR_TOLERANCE.px + MINOR_TOLERANCE.share * scale)
-                    cost = max(cost, major, minor)
+                    cost = max(cost, major / slack, minor / slack)
                     gain = support[m] * (1 - 0.5 * cost) if cost < 1 else 0.0
                     if gain > best:
                         best = gain

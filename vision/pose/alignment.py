@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from vision.edges.edge_field import LOOSEST_ALIGNMENT
+from vision.geometry.small_systems import factorise, solve
 from vision.model.projection import eye_of, is_covered, list_inside, project_samples, rotated
 from vision.model.vision_model import CoaxialCircle
 
@@ -215,40 +216,9 @@ def _step(T, rows, residuals, inplane):
                 N[3 + a, 3 + b] += stiff * T[a, 2] * T[b, 2]
     for a in range(6):
         N[a, a] *= 1 + 1e-9
-    step = solve_normal_equations(N, g)
-    turn_and_move(T, step)
-
-
-@njit(cache=True)
-def solve_normal_equations(N, g):
-    """The solution of N x = g by Cholesky's decomposition; directions that nothing determines stay zero."""
-    n = len(g)
-    L, x = np.zeros((n, n)), np.zeros(n)
-    for a in range(n):
-        total = N[a, a]
-        for k in range(a):
-            total -= L[a, k] ** 2
-        if total <= 1e-12 * N[a, a] or total <= 0:
-            continue
-        L[a, a] = np.sqrt(total)
-        for b in range(a + 1, n):
-            total = N[b, a]
-            for k in range(a):
-                total -= L[b, k] * L[a, k]
-            L[b, a] = total / L[a, a]
-    for a in range(n):
-        if L[a, a] > 0:
-            total = g[a]
-            for k in range(a):
-                total -= L[a, k] * x[k]
-            x[a] = total / L[a, a]
-    for a in range(n - 1, -1, -1):
-        if L[a, a] > 0:
-            total = x[a]
-            for k in range(a + 1, n):
-                total -= L[k, a] * x[k]
-            x[a] = total / L[a, a]
-    return x
+    factorise(N)
+    solve(N, g)
+    turn_and_move(T, g)
 
 
 @njit(cache=True)

@@ -88,6 +88,10 @@ class PoseEstimate:
         views: number of views that support the pose.
         inplane_known: whether supporting features settled the rotation about the part's axis.
         features: for every feature of the vision model, the edges that confirm it; empty from methods that ask none.
+        shown: share of the edges facing the views that is in sight and not hidden by parts found before, 0 to 1; None
+            from methods that do not know.
+        probability: that the pose is right, as ``vision/pose/probability.py`` has it; None from methods that do not
+            say.
     """
 
     part: str
@@ -99,8 +103,14 @@ class PoseEstimate:
     views: int
     inplane_known: bool
     features: tuple[FeatureSupport, ...] = ()
+    shown: float | None = None
+    probability: float | None = None
 
     def __post_init__(self) -> None:
+        for name in ("shown", "probability"):
+            value = getattr(self, name)
+            if value is not None and not 0 <= value <= 1:
+                raise InputError(f"{name} of a pose", got=value, expected="a number from 0 to 1, or None")
         covariance = np.array(self.covariance, dtype=np.float64)
         if covariance.shape != (6, 6):
             raise InputError("covariance of a pose", got=f"shape {covariance.shape}", expected="(6, 6)")

@@ -171,35 +171,30 @@ def _systematic(J: Array, weights: Array, seen: Observations, axis: Array, error
     lift = J[:, :3] @ axis * seen.sigma_px * footprint
     # Whatever moves many points in common adds the square of its sum over them.
     moved = np.stack([np.ones(len(turn)), *seen.normals.T, turn, lift])
-    of_rim, view, circle = _sums_by_rim(rows, moved, seen)
-    of_view = _one_hot(view) @ of_rim
-    of_circle = _one_hot(circle) @ of_rim
+    views, circles = int(seen.of_view.max()) + 1, int(seen.circle.max()) + 1
+    sums = np.zeros((views, circles, len(moved), 6))
+    _add_by_rim(rows, moved, seen.of_view, seen.circle, sums)
+    of_rim, of_view, of_circle = sums.reshape(-1, *sums.shape[2:]), sums.sum(axis=1), sums.sum(axis=0)
     common = np.vstack(
         [
-            errors.swell_px * of_rim[0],
-            *(errors.rim_shift_px * of_rim[1:3]),
-            *(errors.shift_px * of_view[1:3]),
-            errors.twist_px * of_view[3],
-            errors.lift_px * of_circle[4],
+            errors.swell_px * of_rim[:, 0],
+            *(errors.rim_shift_px * of_rim[:, 1:3]),
+            *(errors.shift_px * of_view[:, 1:3]),
+            errors.twist_px * of_view[:, 3],
+            errors.lift_px * of_circle[:, 4],
         ]
     )
     return common.T @ common
 
 
-def _sums_by_rim(rows: Array, moved: Array, seen: Observations) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
-    """Sums (M, G, 6) of rows (N, 6) times each of ``moved`` (M, N) over the points of one circle in one view.
-
-    Returns:
-        The sums, and of each of the G the number of its view and of its circle.
-    """
-    circles = int(seen.circle.max()) + 1
-    rims, of_point = np.unique(seen.of_view * circles + seen.circle, return_inverse=True)
-    return _one_hot(of_point) @ (moved[:, :, None] * rows), rims // circles, rims % circles
-
-
-def _one_hot(group: NDArray[np.intp]) -> Array:
-    """(G, N) 1 where a member belongs to a group: times (..., N, K), the sums over the groups."""
-    return np.asarray(group == np.unique(group)[:, None], dtype=np.float64)
+@njit(cache=True)
+def _add_by_rim(rows, moved, of_view, circle, sums):
+    """Add rows (N, 6) times each of ``moved`` (M, N) to the sums (V, C, M, 6) of a point's view and circle."""
+    for i in range(len(rows)):
+        out = sums[of_view[i], circle[i]]
+        for m in range(len(moved)):
+            for j in range(6):
+                out[m, j] += moved[m, i] * rows[i, j]
 
 
 def _common_shift(T: Array, cameras: CameraArrays, sigma_px: float) -> Array:

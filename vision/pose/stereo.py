@@ -25,13 +25,12 @@ Array = NDArray[np.float64]
 POINTS_PER_ELLIPSE = 24
 PASSES = 2  # the first may take a few points of a far hypothesis for those on the other side
 FEWEST_POINTS = 6
-LEAST_CROSSING = (
-    0.3  # sine of the angle at which an epipolar line crosses the ellipse, which is stretched to a circle
-)
-FARTHEST = (
-    0.25  # of the largest radius: points that far from where the hypothesis has the circle were matched wrongly
-)
-RIM_SIGMA_PX = 0.1  # rims are rounded, and no ellipse is more certain of them than that
+LEAST_CROSSING = 0.3
+"""Sine of the angle at which an epipolar line crosses the ellipse, which is stretched to a circle."""
+FARTHEST = 0.25
+"""Share of the largest radius: points that far from where the hypothesis has the circle were matched wrongly."""
+RIM_SIGMA_PX = 0.1
+"""Rims are rounded, and no ellipse is more certain of them than that."""
 
 
 def pose_by_stereo(
@@ -40,6 +39,7 @@ def pose_by_stereo(
     features: Sequence[Sequence[EllipseFeature]],
     views: Sequence[View],
     circles: SalientCircles,
+    passes: int = PASSES,
 ) -> Array | None:
     """The pose from the salient circles that were matched in two or more views.
 
@@ -50,12 +50,13 @@ def pose_by_stereo(
         features: the ellipses of every view.
         views: with distortion-free lenses.
         circles: the salient circles.
+        passes: how often it is computed, each time from the last result.
 
     Returns:
         4x4 pose, or None where fewer than two views share a circle.
     """
     T: Array | None = T_world_part
-    for _ in range(PASSES):
+    for _ in range(passes):
         if T is not None:
             T = _closed_form(T, matches, features, views, circles)
     return T
@@ -68,6 +69,24 @@ def _closed_form(
     views: Sequence[View],
     circles: SalientCircles,
 ) -> Array | None:
+    of_part, of_world, weights = rim_correspondences(T_world_part, matches, features, views, circles)
+    if len(weights) < FEWEST_POINTS:
+        return None
+    return absolute_orientation(of_part, of_world, weights).as_matrix()
+
+
+def rim_correspondences(
+    T_world_part: Array,
+    matches: NDArray[np.intp],
+    features: Sequence[Sequence[EllipseFeature]],
+    views: Sequence[View],
+    circles: SalientCircles,
+) -> tuple[Array, Array, Array]:
+    """Points of the salient circles that two views see, triangulated; the arguments are those of `pose_by_stereo`.
+
+    Returns:
+        The points in the part's frame (N, 3), the same in the world (N, 3), and their weights (N,) in 1 / px².
+    """
     of_part, of_world, weights = [np.empty((0, 3))], [np.empty((0, 3))], [np.empty(0)]
     farthest_m = FARTHEST * circles.radius.max()
     for k in range(matches.shape[1]):
@@ -79,9 +98,7 @@ def _closed_form(
             of_part.append(model)
             of_world.append(points)
             weights.append(weight)
-    if sum(map(len, weights)) < FEWEST_POINTS:
-        return None
-    return absolute_orientation(np.vstack(of_part), np.vstack(of_world), np.concatenate(weights)).as_matrix()
+    return np.vstack(of_part), np.vstack(of_world), np.concatenate(weights)
 
 
 def triangulate(origins: Array, directions: Array) -> Array:

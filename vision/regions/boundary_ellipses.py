@@ -10,10 +10,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.frozen import frozen_arrays
+from vision.geometry.blur import unshrink
 from vision.geometry.ellipse import Array
 from vision.geometry.ellipse_fit import refine_ellipse
+from vision.geometry.focal_form import focal_to_geometric, geometric_to_conic, geometric_to_focal
 from vision.regions.boundaries import Boundaries
-from vision.regions.consensus import agree, best_stretch, explained, part_covered, rms_distance, undo_shrinking
+from vision.regions.consensus import agree, best_stretch, explained, part_covered, rms_distance
 
 _MIN_POINTS = 7
 """Fewer points are not taken for an ellipse."""
@@ -85,7 +87,7 @@ def _find(points, outwards, ends, limits):
     conics, counts = np.empty((most, 3, 3)), np.empty(most, np.intp)
     # On one boundary no point supports two ellipses.
     supporting, supporting_ends = np.empty(points.shape), np.zeros(most + 1, np.intp)
-    n = 0
+    n, start = 0, np.empty(5)
     for k in range(len(ends) - 1):
         left, facing = points[ends[k] : ends[k + 1]], outwards[ends[k] : ends[k + 1]]
         fresh = ~explained(conics[:n], counts[:n], left, facing, limits.tolerance_px)
@@ -96,18 +98,19 @@ def _find(points, outwards, ends, limits):
             rough, is_on = best_stretch(left, facing, limits.tolerance_px)
             if not _is_promising(rough, np.count_nonzero(is_on), limits):
                 break
-            unshrunk = undo_shrinking(rough, left, limits.blur_variance)
-            p[n], covariance[n], conics[n], is_on, settled = _settle(_focal(rough), is_on, unshrunk, facing, limits)
+            geometric_to_focal(rough, start)
+            unshrunk = unshrink(start, left, limits.blur_variance)
+            p[n], covariance[n], conics[n], is_on, settled = _settle(start, is_on, unshrunk, facing, limits)
             if not settled:
                 break
             found = unshrunk[is_on]
-            geometric[n] = geometric_of(p[n])
+            focal_to_geometric(p[n], geometric[n])
             rms[n], support[n] = rms_distance(conics[n], found), covered(geometric[n], found, _CELL_PX)
             if _passes(geometric[n], len(found), rms[n], support[n], limits):
                 of_boundary[n], counts[n] = k, len(found)
-                start = supporting_ends[n]
-                supporting_ends[n + 1] = start + len(found)
-                supporting[start : start + len(found)] = found
+                first = supporting_ends[n]
+                supporting_ends[n + 1] = first + len(found)
+                supporting[first : first + len(found)] = found
                 n += 1
             left, facing = left[~is_on], facing[~is_on]
     supporting = supporting[: supporting_ends[n]].copy()
@@ -140,15 +143,15 @@ def _settle(p, is_on, points, outwards, limits):
     Returns:
         Focal parameters, covariance, conic, the points on it (N,), and whether they determine an ellipse.
     """
-    covariance, conic = np.zeros((5, 5)), np.zeros((3, 3))
+    covariance, conic, geometric = np.zeros((5, 5)), np.zeros((3, 3)), np.empty(5)
     for _ in range(3):
         if np.count_nonzero(is_on) < _MIN_POINTS - 1:
             return p, covariance, conic, is_on, False
         p, covariance, converged = refine_ellipse(p, points[is_on], limits.sigma_px)
-        geometric = geometric_of(p)
+        focal_to_geometric(p, geometric)
         if not converged or not geometric[3] >= 0.05 * geometric[2]:
             return p, covariance, conic, is_on, False
-        conic = _conic(geometric)
+        conic = geometric_to_conic(geometric)
         before, is_on = is_on, agree(conic, points, outwards, limits.tolerance_px)
         if np.count_nonzero(before != is_on) <= 0.02 * len(points):
             break
@@ -167,34 +170,3 @@ def covered(geometric, points, cell_px):
     """The part of the circumference, cut into cells of about the given length, that has points (N, 2) near it."""
     cells = min(max(int(np.pi * (geometric[2] + geometric[3]) / cell_px), 12), 360)
     return part_covered(geometric, points, cells)
-
-
-@njit(cache=True)
-def geometric_of(p):
-    """Centre, semi-axes and angle (5,) of focal parameters (5,)."""
-    x, y = p[0] - p[2], p[1] - p[3]
-    semi_major = p[4] / 2
-    semi_minor = np.sqrt(max(semi_major**2 - (x * x + y * y) / 4, 0.0))
-    return np.array([(p[0] + p[2]) / 2, (p[1] + p[3]) / 2, semi_major, semi_minor, np.arctan2(y, x) % np.pi])
-
-
-@njit(cache=True)
-def _focal(geometric):
-    """The inverse of :func:`geometric_of`."""
-    x, y, semi_major, semi_minor, angle = geometric
-    half = np.sqrt(max(semi_major**2 - semi_minor**2, 0.0))
-    u, v = half * np.cos(angle), half * np.sin(angle)
-    return np.array([x + u, y + v, x - u, y - v, 2 * semi_major])
-
-
-@njit(cache=True)
-def _conic(geometric):
-    """The symmetric conic (3, 3), negative inside, of a :func:`geometric_of`."""
-    x, y, semi_major, semi_minor, angle = geometric
-    c, s = np.cos(angle) / semi_major, np.sin(angle) / semi_major
-    along = np.array([c, s, -(c * x + s * y)])
-    c, s = np.cos(angle) / semi_minor, np.sin(angle) / semi_minor
-    across = np.array([-s, c, s * x - c * y])
-    conic = np.outer(along, along) + np.outer(across, across)
-    conic[2, 2] -= 1
-    return conic

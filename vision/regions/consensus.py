@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from vision.geometry.focal_form import conic_to_geometric
 from vision.geometry.small_systems import factorise, solve
 
 _STRETCHES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.16)
@@ -12,9 +13,6 @@ _STRETCHES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.16)
 
 _MIN_STRETCH = 8
 """Points of the shortest stretch."""
-
-_LARGEST_SHIFT_PX = 0.3
-"""Beyond this, where an ellipse is as narrow as the blur, shrinking is no longer in proportion to curvature."""
 
 _MIN_TURN_COS = np.cos(np.radians(25.0))
 """Between the normals of a boundary and of its ellipse: a boundary point must run along the ellipse, not cross it."""
@@ -119,59 +117,24 @@ def best_stretch(points, outwards, tolerance):
     x, y = unit[:, 0].copy(), unit[:, 1].copy()
     outwards_x, outwards_y = outwards[:, 0].copy(), outwards[:, 1].copy()
     sums = _running_sums(unit)
-    best, best_conic, best_count = np.zeros(5), np.zeros((3, 3)), 0
+    ellipse, best, best_conic, best_count = np.empty(5), np.zeros(5), np.zeros((3, 3)), 0
     for part in _STRETCHES:
         length = int(part * n)
         if part < 1.0 and length < _MIN_STRETCH:
             break
         for first in range(0, n if part < 1.0 else 1, max(length // 3, 1)):
             conic = _fit_conic(sums[first], sums[first + length])
-            ellipse = _geometric(conic)
-            if ellipse[3] <= 0:
+            if not conic_to_geometric(
+                conic[0, 0], conic[0, 1], conic[1, 1], conic[0, 2], conic[1, 2], conic[2, 2], ellipse
+            ):
                 continue
             count = _count(conic, x, y, outwards_x, outwards_y, tolerance / scale)
             if count > best_count:
-                best, best_conic, best_count = ellipse, conic, count
+                best[:], best_conic, best_count = ellipse, conic, count
     on_best = agree(best_conic, unit, outwards, tolerance / scale) if best_count else np.zeros(n, np.bool_)
     best[:4] *= scale
     best[:2] += shift
     return best, on_best
-
-
-@njit(cache=True)
-def _geometric(conic):
-    """Centre, semi-axes and angle (5,) of a conic (3, 3) with a + c = 1; all 0 where it is no real ellipse."""
-    a, b, c, d, e = conic[0, 0], conic[0, 1], conic[1, 1], conic[0, 2], conic[1, 2]
-    determinant = a * c - b * b
-    if determinant <= 0:
-        return np.zeros(5)
-    x, y = (b * e - c * d) / determinant, (b * d - a * e) / determinant
-    at_centre = conic[2, 2] + d * x + e * y
-    if at_centre >= 0:
-        return np.zeros(5)
-    largest = (a + c) / 2 + np.hypot((a - c) / 2, b)
-    semi_major, semi_minor = np.sqrt(-at_centre * largest / determinant), np.sqrt(-at_centre / largest)
-    return np.array([x, y, semi_major, semi_minor, np.arctan2(-2 * b, c - a) / 2])
-
-
-@njit(cache=True)
-def undo_shrinking(geometric, points, blur_variance):
-    """Edge points (N, 2) of an ellipse (5,) put back to where they were before the image was blurred.
-
-    Blur draws the edge of a disc of radius R inwards by variance / (2 R), bright discs and dark ones alike.
-    """
-    x, y, semi_major, semi_minor, angle = geometric
-    cos, sin = np.cos(angle), np.sin(angle)
-    moved = np.empty_like(points)
-    for i in range(len(points)):
-        along = (cos * (points[i, 0] - x) + sin * (points[i, 1] - y)) / semi_major**2
-        across = (cos * (points[i, 1] - y) - sin * (points[i, 0] - x)) / semi_minor**2
-        # The normal is (along, across), and curvature is (a b)^-2 over the length of the normal cubed.
-        steepness = max(np.hypot(along, across), 1e-12)
-        shift = min(blur_variance / (2 * (semi_major * semi_minor) ** 2 * steepness**3), _LARGEST_SHIFT_PX)
-        moved[i, 0] = points[i, 0] + shift * (cos * along - sin * across) / steepness
-        moved[i, 1] = points[i, 1] + shift * (sin * along + cos * across) / steepness
-    return moved
 
 
 @njit(cache=True)

@@ -1,4 +1,4 @@
-"""Edge linking on a binary edge map (Section 5.1): loose chain ends are led on until they meet another edge.
+"""Edge linking on a binary edge map (Section 5.1): extends loose chain ends until they meet another edge.
 
 Non-maximum suppression breaks contours where three surfaces meet: at a T-junction the gradient of the stem is
 swamped by that of the bar, so that the stem stops a few pixels short. Regions would leak through these gaps.

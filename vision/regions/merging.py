@@ -94,7 +94,7 @@ def _sides(flat, width):
     """Different leaves of neighbouring pixels: first of all that lie side by side, then one below the other."""
     first, second = np.empty(2 * len(flat) + 1, np.int32), np.empty(2 * len(flat) + 1, np.int32)
     n = 0
-    # Written always and counted where it holds: a branch here could not be predicted.
+    # Always written, counted only where it holds: a branch here would be mispredicted.
     for row in range(0, len(flat), width):
         for i in range(row, row + width - 1):
             first[n], second[n] = flat[i], flat[i + 1]
@@ -119,7 +119,7 @@ def _unite(root, pairs, similar, area, total, max_contrast, min_area):
     """Union-find over the pairs in order: the first ``similar`` ones by contrast, then all by lack of area.
 
     ``root`` (N,) becomes the root of each leaf, ``area`` and ``total`` at the roots become those of the regions.
-    The pairs are spoilt.
+    Overwrites ``pairs``.
     """
     apart = 0
     for k in range(len(pairs)):

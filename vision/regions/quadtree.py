@@ -138,7 +138,7 @@ def _uncovered(leaf_of_pixel, blocks, side, max_variance, max_range):
             mean = blocks[row, column, 0] / (side * side)
             variance = blocks[row, column, 1] / (side * side) - mean * mean
             is_narrow = blocks[row, column, 3] - blocks[row, column, 2] <= max_range
-            # Written always and counted where it holds: a branch here could not be predicted.
+            # Always written, counted only where it holds: a branch here would be mispredicted.
             found[n] = row * blocks.shape[1] + column
             n += is_narrow & (variance <= max_variance) & (leaf_of_pixel[row * side, column * side] < 0)
     return found[:n]

@@ -7,12 +7,14 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numba import njit
 
+from vision.edges.edge_map import GRADIENT_UNIT, image_gradients
 from vision.features import EllipseFeature
+from vision.geometry.blur import CAMERA_VARIANCE, SOBEL_VARIANCE
 from vision.geometry.ellipse import Ellipse
 from vision.regions.attributes import AttributeConstraints
 from vision.regions.boundaries import Outline, refine_boundaries
 from vision.regions.boundary_ellipses import BoundaryLimits, find_ellipses
-from vision.regions.segmentation import Region, RegionGrowingParameters, Segmentation, gradient, segment
+from vision.regions.segmentation import Region, RegionGrowingParameters, Segmentation, segment
 from vision.settings import NOT_NEGATIVE, POSITIVE, SHARE, check, count
 
 __all__ = [
@@ -27,9 +29,6 @@ __all__ = [
 
 _SPACING = 3
 """Contour points per boundary point: closer together than the blur reaches, their errors would not be independent."""
-
-_CAMERA_AND_SOBEL_VARIANCE = 0.9
-"""Blur besides that of edge detection, in px²: Sobel's kernel 0.46, the pixel's area 0.08, a lens of 0.6 px."""
 
 _CORRELATION = 0.31
 """Of the errors of neighbouring boundary points, 3 px apart: noise blurred by 1.2 px and by Sobel's kernel (variance
@@ -95,9 +94,9 @@ def region_ellipses(
     outlines = [outline for outline in outer + inner if len(outline.contour) > shortest]
     if not outlines:
         return []
-    dx, dy = gradient(segmentation.gray, growing.blur_px)
-    boundaries = refine_boundaries(outlines, dx, dy, 32 * growing.edge_low, _SPACING)
-    blur_variance = growing.blur_px**2 + _CAMERA_AND_SOBEL_VARIANCE
+    dx, dy = image_gradients(segmentation.gray, growing.blur_px)
+    boundaries = refine_boundaries(outlines, dx, dy, GRADIENT_UNIT * growing.edge_low, _SPACING)
+    blur_variance = growing.blur_px**2 + SOBEL_VARIANCE + CAMERA_VARIANCE
     limits = BoundaryLimits(**asdict(fit), blur_variance=blur_variance, spacing_px=float(_SPACING))
     found = find_ellipses(boundaries, limits)
     score = found.support / (1 + (found.rms_px / fit.max_rms_px) ** 2)

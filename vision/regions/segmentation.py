@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from vision.edges.edge_map import as_gray
+from vision.edges.edge_map import GRADIENT_UNIT, as_gray, image_gradients
 from vision.features import RegionAttributes
 from vision.frozen import frozen_arrays, read_only
 from vision.regions.attributes import AttributeConstraints, Contour, measure_shape
@@ -140,17 +140,11 @@ def segment(gray: NDArray[np.generic], parameters: RegionGrowingParameters | Non
     return Segmentation(leaf_labels.take(tree.leaf_of_pixel), tree, leaf_labels, edges, image, parameters)
 
 
-def gradient(gray: NDArray[np.uint8], blur_px: float) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-    """Gradient (H, W) along x and y of the blurred image, in 1/32 grey level per pixel."""
-    # Blurring 8 bits rounds to whole levels; four times the levels in 16 bits keep smooth ramps smooth.
-    blurred = cv2.GaussianBlur(np.multiply(gray, 4, dtype=np.int16), (0, 0), blur_px)
-    return cv2.Sobel(blurred, cv2.CV_16S, 1, 0), cv2.Sobel(blurred, cv2.CV_16S, 0, 1)
-
-
 def canny(gray: NDArray[np.uint8], parameters: RegionGrowingParameters) -> NDArray[np.bool_]:
     """Canny edges of the blurred image (H, W)."""
-    dx, dy = gradient(gray, parameters.blur_px)
-    return np.asarray(cv2.Canny(dx, dy, parameters.edge_low * 32, parameters.edge_high * 32, L2gradient=True) > 0)
+    dx, dy = image_gradients(gray, parameters.blur_px)
+    low, high = parameters.edge_low * GRADIENT_UNIT, parameters.edge_high * GRADIENT_UNIT
+    return np.asarray(cv2.Canny(dx, dy, low, high, L2gradient=True) > 0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.edges.edge_field import SMOOTHING_PX, EdgeField
+from vision.geometry.blur import CAMERA_VARIANCE, unshrink
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse
@@ -26,13 +27,12 @@ _ROUNDS = ((2.5, 0.5), (2.0, 0.3), (1.5, 0.2), (1.5, 0.2))
 _CLEAR_SLOPE = 25.0
 """Grey levels per pixel of an edge that counts half: the position of an edge is the surer, the steeper it is."""
 
-_BLUR_VARIANCE = SMOOTHING_PX**2 + 1 / 3 + 0.5
-"""Between a rim and its measured edge, px²: of the edge field, of differences over two pixels, of a usual lens."""
+_BLUR_VARIANCE = SMOOTHING_PX**2 + 1 / 3 + CAMERA_VARIANCE
+"""Between a rim and its measured edge, px²: of the edge field, of differences over two pixels, of the camera."""
 
 _LINE_REACH_PX = 4.0
 """Within which an edge of the other sign makes the two the flanks of a line."""
 
-_LARGEST_SHIFT_PX = 0.3
 _FEWEST_POINTS = 12
 
 
@@ -72,8 +72,8 @@ def _edge_points(image: Ellipse | None, field: EdgeField, reach_px: float) -> tu
     normals = image.normals(contour)
     offsets, slopes = field.measure(contour, normals, reach_px)
     found = np.isfinite(offsets) & field.inside(contour)
-    shifted = offsets + _shrinking(image, contour)
-    return contour[found] + shifted[found, None] * normals[found], slopes[found]
+    points = contour[found] + offsets[found, None] * normals[found]
+    return np.asarray(unshrink(image.p, points, _BLUR_VARIANCE)), slopes[found]
 
 
 def _clearness(points: Array, image: Ellipse, slopes: Array, field: EdgeField) -> Array:
@@ -88,11 +88,3 @@ def _clearness(points: Array, image: Ellipse, slopes: Array, field: EdgeField) -
     opposite = np.nanmax(np.maximum(-profile * np.sign(slopes)[:, None], 0.0), axis=1)
     alone = np.clip(1 - opposite / np.maximum(np.abs(slopes), 1e-6), 0, 1) ** 2
     return np.asarray(slopes**2 / (slopes**2 + _CLEAR_SLOPE**2) * alone)
-
-
-def _shrinking(image: Ellipse, contour: Array) -> Array:
-    """By how much (N,) blur has drawn an edge inwards: its variance over twice the radius of curvature."""
-    semi_major, semi_minor = image.semi_axes
-    focal = [np.hypot(*(contour - f).T) for f in (image.p[:2], image.p[2:4])]
-    curvature_radius = (focal[0] * focal[1]) ** 1.5 / (semi_major * semi_minor)
-    return np.minimum(_BLUR_VARIANCE / (2 * np.maximum(curvature_radius, 1e-9)), _LARGEST_SHIFT_PX)

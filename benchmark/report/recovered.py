@@ -1,4 +1,4 @@
-"""The loss of a salient feature in one extractor is made good by the other: the paper's claim, counted by pieces."""
+"""How often one extractor recovers a salient feature that the other lost: the paper's claim, counted by pieces."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ Trio = tuple[LocalizerResult, LocalizerResult, LocalizerResult]
 
 
 @dataclass(frozen=True)
-class MadeGood:
-    """How many pieces the dual localizer matched, by what each of its two extractors had of them.
+class Recovered:
+    """How many pieces the focal localizer matched, by what each of its two extractors had of them.
 
     Attributes:
         part: name of the pieces' type.
@@ -30,8 +30,8 @@ class MadeGood:
     matching: dict[str, Rate]
 
 
-def made_good(records: Sequence[EpisodeRecord], part: str, min_visibility: float) -> MadeGood:
-    """Count over the pieces that dual and both of its extractors alone were judged on.
+def recovered(records: Sequence[EpisodeRecord], part: str, min_visibility: float) -> Recovered:
+    """Count over the pieces that focal and both of its extractors alone were judged on.
 
     Args:
         records: episodes that did not fail.
@@ -39,24 +39,24 @@ def made_good(records: Sequence[EpisodeRecord], part: str, min_visibility: float
         min_visibility: pieces less visible are left out, and so are those that bounced out of the bin.
     """
     judged = [trio for record in records for trio in _trios(record, part, min_visibility)]
-    return MadeGood(
+    return Recovered(
         part,
         min_visibility,
         extraction={
-            "both": Rate.of([dual.matched for r, g, dual in judged if r.extracted and g.extracted]),
-            "region_lost": Rate.of([dual.matched for r, g, dual in judged if g.extracted and not r.extracted]),
-            "group_lost": Rate.of([dual.matched for r, g, dual in judged if r.extracted and not g.extracted]),
+            "both": Rate.of([focal.matched for r, g, focal in judged if r.extracted and g.extracted]),
+            "region_lost": Rate.of([focal.matched for r, g, focal in judged if g.extracted and not r.extracted]),
+            "group_lost": Rate.of([focal.matched for r, g, focal in judged if r.extracted and not g.extracted]),
         },
         matching={
-            "region_missed": Rate.of([dual.matched for r, _, dual in judged if not r.matched]),
-            "group_missed": Rate.of([dual.matched for _, g, dual in judged if not g.matched]),
-            "both_missed": Rate.of([dual.matched for r, g, dual in judged if not (r.matched or g.matched)]),
+            "region_missed": Rate.of([focal.matched for r, _, focal in judged if not r.matched]),
+            "group_missed": Rate.of([focal.matched for _, g, focal in judged if not g.matched]),
+            "both_missed": Rate.of([focal.matched for r, g, focal in judged if not (r.matched or g.matched)]),
         },
     )
 
 
 def _trios(record: EpisodeRecord, part: str, min_visibility: float) -> list[Trio]:
-    """The results of region growing, edge grouping and dual for each piece that counts."""
+    """The results of region growing, edge grouping and focal for each piece that counts."""
     counted = [p.results for p in record.pieces if p.part == part and p.in_bin and p.visibility >= min_visibility]
-    names = ("region", "group", "dual")
-    return [(r["region"], r["group"], r["dual"]) for r in counted if all(name in r for name in names)]
+    names = ("focal-region", "focal-group", "focal")
+    return [(r["focal-region"], r["focal-group"], r["focal"]) for r in counted if all(name in r for name in names)]

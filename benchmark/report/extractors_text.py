@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from benchmark.report.grid import NOTHING, Grid, last_of_each, part_title
-from benchmark.report.made_good import MadeGood
 from benchmark.report.margins import Margin
 from benchmark.report.rate import Rate
+from benchmark.report.recovered import Recovered
 
 
 def margin_grids(margins: Sequence[Margin]) -> list[Grid]:
@@ -27,7 +27,16 @@ def margin_grids(margins: Sequence[Margin]) -> list[Grid]:
     )
     if not any(margin.n for margin in margins):
         return []
-    columns = ("Visible", "Object", "n", "Scenes", "only dual", "only previous", "dual − previous", "Excludes zero")
+    columns = (
+        "Visible",
+        "Object",
+        "n",
+        "Scenes",
+        "only focal",
+        "only focal-region",
+        "focal − focal-region",
+        "Excludes zero",
+    )
     note = (
         "Of the same pieces, in percentage points. In brackets: Newcombe's 95 % interval for paired proportions,\n"
         "with as many pieces as they are worth, those of one scene being alike (design effect, Rao and Scott)."
@@ -53,7 +62,7 @@ def _margin_cells(margin: Margin) -> tuple[str, str]:
     return text, "yes" if margin.excludes_zero else "no"
 
 
-def made_good_grids(rows: Sequence[MadeGood]) -> list[Grid]:
+def recovered_grids(rows: Sequence[Recovered]) -> list[Grid]:
     """How often both extractors matched what one of them lost; nothing where they did not run."""
     if not any(rate.n for row in rows for rate in (*row.extraction.values(), *row.matching.values())):
         return []
@@ -62,16 +71,16 @@ def made_good_grids(rows: Sequence[MadeGood]) -> list[Grid]:
         (level if i == 0 or levels[i - 1] != level else "", part_title(row.part))
         for i, (level, row) in enumerate(zip(levels, rows, strict=True))
     ]
-    note = "Dual matched so many of the pieces in the column. In brackets: 95 % Wilson interval of the share."
+    note = "Focal matched so many of the pieces in the column. In brackets: 95 % Wilson interval of the share."
     return [
         Grid(
-            "Salient ellipse extracted by both extractors or by one of them: pieces that dual matched",
+            "Salient ellipse extracted by both extractors or by one of them: pieces that focal matched",
             ("Visible", "Object", "by both", "region growing lost it", "edge grouping lost it"),
             tuple((*label, *map(_of, row.extraction.values())) for label, row in zip(labels, rows, strict=True)),
             sections=last_of_each(levels),
         ),
         Grid(
-            "Pieces that one extractor alone did not match: those that dual matched",
+            "Pieces that one extractor alone did not match: those that focal matched",
             ("Visible", "Object", "region growing missed", "edge grouping missed", "both missed"),
             tuple((*label, *map(_of, row.matching.values())) for label, row in zip(labels, rows, strict=True)),
             sections=last_of_each(levels),

@@ -7,19 +7,21 @@ from collections.abc import Callable
 from rich.console import Console
 
 from benchmark.config import Variant
-from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE
+from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary
 from benchmark.report.grid import (
     NOTHING,
     Grid,
     grids_as_markdown,
     last_of_each,
+    median,
     part_title,
     plus_minus,
     print_grids,
     rate_text,
+    share_text,
 )
-from benchmark.report.render import EXTRACTOR_TITLES, METHOD_TITLES, remarks
 from benchmark.report.study import CalibrationLimit, Crossing, CurvePoint, Study
+from benchmark.report.table_text import EXTRACTOR_TITLES, remarks
 
 TextOf = Callable[[Study, str, Variant], str]
 
@@ -58,13 +60,17 @@ def _against_calibration(study: Study) -> Grid:
             rate_text(point.half_visible),
             str(point.visible.n),
             rate_text(point.visible),
-            plus_minus(point.errors["translation_mm"], 2),
-            plus_minus(point.errors["rotation_deg"], 2),
+            share_text(point.false_poses),
+            *(
+                text(point.errors[name], 2)
+                for name in ("translation_mm", "rotation_deg")
+                for text in (plus_minus, median)
+            ),
         )
         for i, (title, (_, point)) in enumerate(zip(titles, points, strict=True))
     )
     return Grid(
-        title=f"Matching and pose error against the hand-eye error: {METHOD_TITLES.get(study.method, study.method)}",
+        title=f"Matching and pose error against the hand-eye error: {study.method}",
         columns=(
             "Object",
             "Hand-eye (mm)",
@@ -72,8 +78,11 @@ def _against_calibration(study: Study) -> Grid:
             f"≥ {HALF_VISIBLE:.0%} visible",
             "n ",
             f"≥ {BARELY_VISIBLE:.0%} visible",
-            "Translation (mm)",
+            "False poses",
+            "Transl. (mm)",
+            "median",
             "Rotation (°)",
+            "median",
         ),
         rows=rows,
         sections=last_of_each(titles),
@@ -88,7 +97,7 @@ def _limits(limits: list[CalibrationLimit]) -> Grid:
     rows = tuple(
         (
             title if i == 0 or titles[i - 1] != title else "",
-            EXTRACTOR_TITLES.get(limit.method, METHOD_TITLES.get(limit.method, limit.method)),
+            EXTRACTOR_TITLES.get(limit.method, limit.method),
             f"{limit.published.translation_mm_mean:.1f}",
             _crossing(limit.translation),
             f"{limit.published.rotation_deg_mean:.1f}",
@@ -114,7 +123,7 @@ def _limits(limits: list[CalibrationLimit]) -> Grid:
         sections=last_of_each(titles),
         quiet=frozenset({"published (mm)", "published (°)"}),
         note="Interpolated between the errors that were tried; > where the largest of them meets it too.\n"
-        f"Dual is held to the better published row. Matched: of pieces at least {BARELY_VISIBLE:.0%} visible.",
+        f"Focal is held to the better published row. Matched: of pieces at least {BARELY_VISIBLE:.0%} visible.",
     )
 
 
@@ -139,18 +148,23 @@ def _taught(quantity: str) -> TextOf:
 
     def cell(study: Study, part: str, variant: Variant) -> str:
         errors = study.circles.get((variant, part))
-        return NOTHING if errors is None else plus_minus(getattr(errors, quantity), 3)
+        return NOTHING if errors is None else _with_median(getattr(errors, quantity))
 
     return cell
+
+
+def _with_median(errors: Summary) -> str:
+    return f"{plus_minus(errors, 3)}, {median(errors, 3)}" if errors.n else NOTHING
 
 
 _TEACHING_QUANTITIES: tuple[tuple[str, TextOf], ...] = (
     (f"Matching success, pieces at least {HALF_VISIBLE:.0%} visible", _found(lambda p: rate_text(p.half_visible))),
     (f"Matching success, pieces at least {BARELY_VISIBLE:.0%} visible", _found(lambda p: rate_text(p.visible))),
-    ("Translation error (mm)", _found(lambda point: plus_minus(point.errors["translation_mm"], 3))),
-    ("Tilt error (°)", _found(lambda point: plus_minus(point.errors["tilt_deg"], 3))),
-    ("Error of the taught circles' centres (mm)", _taught("centre_mm")),
-    ("Error of the taught circles' radii (mm)", _taught("radius_mm")),
+    ("False poses, of those reported", _found(lambda point: share_text(point.false_poses))),
+    ("Translation error (mm), and its median", _found(lambda point: _with_median(point.errors["translation_mm"]))),
+    ("Tilt error (°), and its median", _found(lambda point: _with_median(point.errors["tilt_deg"]))),
+    ("Error of the taught circles' centres (mm), and its median", _taught("centre_mm")),
+    ("Error of the taught circles' radii (mm), and its median", _taught("radius_mm")),
 )
 
 

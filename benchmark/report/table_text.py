@@ -7,22 +7,24 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from benchmark.episodes.metrics import BARELY_VISIBLE, ELLIPSOID_SHARE
-from benchmark.report.extractors_render import made_good_grids, margin_grids
+from benchmark.report.extractors_text import margin_grids, recovered_grids
 from benchmark.report.grid import (
     NOTHING,
     Grid,
     grids_as_markdown,
     last_of_each,
+    median,
     part_title,
     plus_minus,
     print_grids,
     rate_text,
 )
 from benchmark.report.published import PublishedErrors
+from benchmark.report.rate import Rate
+from benchmark.report.reliability import reliability_grid
 from benchmark.report.tables import STAGES, AccuracyRow, Table
 
-EXTRACTOR_TITLES = {"region": "Region-match", "group": "Group-match"}
-METHOD_TITLES = {"region": "previous (region growing)", "group": "edge grouping alone", "dual": "dual"}
+EXTRACTOR_TITLES = {"focal-region": "Region-match", "focal-group": "Group-match"}
 STAGE_TITLES = {
     "extraction": "Fig. 10 (a)  Feature extraction success",
     "matching": "Fig. 10 (b)  Feature matching success",
@@ -32,7 +34,8 @@ STAGE_TITLES = {
 def grids(table: Table) -> list[Grid]:
     """The grids that are shown, first what the paper gives, last what was counted apart."""
     shown = [_table1(table), *_joint(table), coverage_grid(table), *(_fig10(table, stage) for stage in STAGES)]
-    shown += [*margin_grids(table.margins), *made_good_grids(table.made_good)]
+    shown += [false_poses_grid(table), *([reliability_grid(table.reliability)] if table.reliability else [])]
+    shown += [*margin_grids(table.margins), *recovered_grids(table.recovered)]
     if any(rate.n for rate in table.picks.values()):
         shown.append(_picks(table))
     return [*shown, _counts(table)]
@@ -71,17 +74,16 @@ def _table1(table: Table) -> Grid:
             "Extractor",
             "n",
             "Translation (mm)",
+            "median",
             "published",
             "Rotation (°)",
+            "median ",
             "published ",
-            "Tilt (°)",
-            "In-plane (°)",
         ),
         rows=rows,
         sections=last_of_each(parts),
-        quiet=frozenset({"published", "published ", "Tilt (°)", "In-plane (°)"}),
-        note=f"Pieces at least {BARELY_VISIBLE:.0%} visible. Rotation is the least over the part's symmetries;\n"
-        "tilt is that of its axis, in-plane that about it (– for a part that looks the same at any angle).",
+        quiet=frozenset({"published", "published "}),
+        note=f"Pieces at least {BARELY_VISIBLE:.0%} visible. Rotation is the least over the part's symmetries.",
     )
 
 
@@ -92,23 +94,26 @@ def _joint(table: Table) -> list[Grid]:
     cells = tuple(
         (
             part_title(row.part),
-            METHOD_TITLES.get(row.method, row.method),
+            row.method,
             str(row.n),
             *(
-                plus_minus(row.errors[name], 3)
+                text(row.errors[name], 3 if name.endswith("mm") else 2)
                 for name in ("translation_mm", "rotation_deg", "tilt_deg", "inplane_deg")
+                for text in (plus_minus, median)
             ),
         )
         for row in rows
     )
     if not cells:
         return []
-    columns = ("Object", "Method", "n", "Translation (mm)", "Rotation (°)", "Tilt (°)", "In-plane (°)")
+    errors = ("Transl. (mm)", "Rotation (°)", "Tilt (°)", "Turn (°)")
+    columns = ("Object", "Method", "n", *(name for error in errors for name in (error, "median")))
     return [
         Grid(
             title="Localization error of the final poses, both extractors refined together",
             columns=columns,
             rows=cells,
+            note="Tilt: error of the axis; turn: of the turn about it (– where a part looks the same at any angle).",
         )
     ]
 
@@ -121,7 +126,7 @@ def coverage_grid(table: Table) -> Grid:
         rows.append((part_title(part), str(max(rate.n for rate in rates)), *map(rate_text, rates)))
     return Grid(
         title=f"Inside the {ELLIPSOID_SHARE:.0%} ellipsoid: share of true poses that the covariance allows for",
-        columns=("Object", "n", *(METHOD_TITLES.get(m, m) for m in table.methods)),
+        columns=("Object", "n", *table.methods),
         rows=tuple(rows),
         note=f"Matched pieces at least {BARELY_VISIBLE:.0%} visible. In brackets: 95 % Wilson interval.",
     )
@@ -134,11 +139,11 @@ def _accuracy_cells(row: AccuracyRow, rows: Sequence[AccuracyRow], i: int) -> tu
         EXTRACTOR_TITLES.get(row.method, row.method),
         str(row.n),
         plus_minus(row.errors["translation_mm"], 2),
+        median(row.errors["translation_mm"], 2),
         _published(row.published, "translation_mm"),
         plus_minus(row.errors["rotation_deg"], 2),
+        median(row.errors["rotation_deg"], 2),
         _published(row.published, "rotation_deg"),
-        plus_minus(row.errors["tilt_deg"], 2),
-        plus_minus(row.errors["inplane_deg"], 2),
     )
 
 
@@ -146,25 +151,45 @@ def _fig10(table: Table, stage: str) -> Grid:
     levels = tuple(dict.fromkeys(row.min_visibility for row in table.success))
     cells = [(level, part) for level in levels for part in table.parts]
     rows = []
-    methods = [m for m in table.methods if m != "group"]
+    methods = [m for m in table.methods if m != "focal-group"]
     for i, (level, part) in enumerate(cells):
         bars = {method: table.find_success(part, method, stage, level) for method in methods}
         rates = [rate_text(bars[method].rate) for method in methods]
         first = i == 0 or cells[i - 1][0] != level
         label = f"≥ {level:.0%}" if first else ""
-        published = bars["dual"].published
+        published = bars["focal"].published
         n = str(max(bar.rate.n for bar in bars.values()))
         rows.append((label, part_title(part), n, *rates, NOTHING if published is None else f"{published:.0%}"))
     return Grid(
         title=STAGE_TITLES[stage],
-        columns=("Visible", "Object", "n", *(METHOD_TITLES.get(m, m) for m in methods), "dual, published"),
+        columns=("Visible", "Object", "n", *methods, "focal, published"),
         rows=tuple(rows),
         sections=last_of_each([str(level) for level, _ in cells]),
-        quiet=frozenset({"dual, published"}),
+        quiet=frozenset({"focal, published"}),
         note=""
         if stage == STAGES[0]
         else "In brackets: 95 % Wilson interval. The paper's rates are over all its pieces.",
     )
+
+
+def false_poses_grid(table: Table) -> Grid:
+    """How many of the reported poses are of nothing."""
+    rows = tuple(
+        (part_title(part), *(_false_poses(table.find_false_poses(part, method)) for method in table.methods))
+        for part in table.parts
+    )
+    return Grid(
+        title="False poses: share of the reported poses that belong to no piece",
+        columns=("Object", *table.methods),
+        rows=rows,
+        note="Scenes of one part; all reported poses, of pieces however visible. In brackets: 95 % Wilson interval.",
+    )
+
+
+def _false_poses(share: Rate) -> str:
+    if share.rate is None or share.low is None or share.high is None:
+        return NOTHING
+    return f"{share.successes} of {share.n}: {share.rate:.1%} ({share.low:.1%} to {share.high:.1%})"
 
 
 def _picks(table: Table) -> Grid:
@@ -180,12 +205,11 @@ def _counts(table: Table) -> Grid:
             str(count.barely_visible),
             str(count.out_of_bin),
             _tally(count.lost_at),
-            _tally(count.false_positives),
         )
         for count in table.counts
     ]
     heading = f"< {BARELY_VISIBLE:.0%} visible"
-    columns = ("Object", "Pieces", heading, "Out of the bin", "Lost at", "False positives")
+    columns = ("Object", "Pieces", heading, "Out of the bin", "Lost at")
     return Grid("Pieces, and those counted apart", columns, tuple(rows))
 
 
