@@ -32,6 +32,8 @@ _TIP_RAD = float(np.radians(50))
 _YAWS_RAD = np.radians([0, 45, 90, 135, 180, -135, -90, -45])
 _ARC_STEPS = 8
 _NEAR_M = 0.0015
+_GRAZING_M = 0.003  # what a piece seems to sink into the floor while it turns about a point near its lowest edge
+_TOUCHING_SHARE = 0.03  # of a piece's surface: what leans on its neighbour touches it somewhere all the way
 _LEAST_CLEARANCE_M = 0.001
 _SPEED, _DRAG_SPEED = 0.6, 0.3
 
@@ -92,7 +94,9 @@ def plan_tip(
 def _hits(points: Array, environment: Boxes, others: Array) -> bool:
     """Whether a piece on its way over meets a wall or another piece."""
     inside = points_clearance(environment, np.eye(3)[None], np.zeros((1, 3)), points, _NEAR_M)[0]
-    return bool(inside < -_NEAR_M) or (len(others) > 0 and float(cKDTree(others).query(points)[0].min()) < _NEAR_M)
+    if inside < -_GRAZING_M:
+        return True
+    return len(others) > 0 and float((cKDTree(others).query(points)[0] < _NEAR_M).mean()) > _TOUCHING_SHARE
 
 
 def _arcs(points: Array, axis: Array) -> Iterator[tuple[Array, Array]]:
@@ -131,7 +135,7 @@ def _tip(
 ) -> Tip | None:
     closed, tool = gripper.boxes(0.0), gripper.T_flange_tcp
     limits, slow = kinematics.limits.scaled(_SPEED), kinematics.limits.scaled(_DRAG_SPEED)
-    places = arc + [0.0, 0.0, FINGER_ENDS_M - _PRESS_M]
+    places = arc + np.array([0.0, 0.0, FINGER_ENDS_M - _PRESS_M])
     for yaw in _YAWS_RAD:
         turn = Rotation.from_euler("zx", [yaw, np.pi])
         turns = np.broadcast_to(turn.as_matrix(), (len(places), 3, 3))
