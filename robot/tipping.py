@@ -64,6 +64,7 @@ def plan_tip(
     environment: Boxes,
     seed_q: ArrayLike,
     free_height_m: float,
+    deeper_m: float = 0.0,
 ) -> Tip | None:
     """The first piece on edge that closed fingers can drag over, the highest first; None where there is none.
 
@@ -74,6 +75,7 @@ def plan_tip(
         environment: bin walls, floor and the like in the world frame.
         seed_q: (6,) where the arm is, in rad.
         free_height_m: where the tool centre point is this high, the arm moves freely.
+        deeper_m: how much lower than the edge the fingers are dragged, to press harder on it.
     """
     clouds = [piece.points_world for piece in pieces]
     order = sorted(range(len(pieces)), key=lambda index: -float(clouds[index][:, 2].max()))
@@ -85,6 +87,7 @@ def plan_tip(
         for arc, fallen in _arcs(clouds[index], axis):
             if _hits(fallen, environment, others):
                 continue
+            arc[1:, 2] -= deeper_m
             tip = _tip(index, arc, kinematics, gripper, environment, others, joint_vector(seed_q), free_height_m)
             if tip is not None:
                 return tip

@@ -31,6 +31,7 @@ FREE_OVER_WALL_M = 0.03
 SURE_POSITION_M = 0.0005  # a pose known this well leaves nothing to wish for
 _TRUST_AFTER_FAILURE = 0.4  # in a pose at which a grasp failed, as a share of before
 _FALLEN_RING = 24
+FIRMER_M = 0.0008  # lower with every push in vain
 
 Viewpoints = list[Viewpoint]
 
@@ -144,8 +145,8 @@ class Workbench:
                 finish,
             )
 
-    def plan_tip(self, belief: Belief) -> Tip | None:
-        """A way to tip over a known piece that stands on edge."""
+    def plan_tip(self, belief: Belief, pushes: int = 0) -> Tip | None:
+        """A way to tip over a known piece that stands on edge; firmer after pushes in vain."""
         with self.clock.stage("motion"):
             return plan_tip(
                 self._cell.kinematics,
@@ -154,6 +155,7 @@ class Workbench:
                 self._bin,
                 self.hand.joint_positions,
                 self.free_height_m,
+                FIRMER_M * pushes,
             )
 
     def tip(self, tip: Tip) -> Attempt:

@@ -49,7 +49,7 @@ class Clear:
             if not belief.known:
                 yield bench.attempt("pick", None, ("localize", "nothing is found any more"))
                 return
-            tip = bench.plan_tip(belief) if choice.plan is None and pushes < self.most_pushes else None
+            tip = bench.plan_tip(belief, pushes) if choice.plan is None and pushes < self.most_pushes else None
             if tip is not None:
                 pushes += 1
                 yield bench.tip(tip)
