@@ -71,6 +71,22 @@ class ArmKinematics:
         frame = self._configuration.get_transform_frame_to_world("flange", "site")
         return RigidTransform.from_components(frame.translation(), Rotation.from_matrix(frame.rotation().as_matrix()))
 
+    def jacobian(self, q: ArrayLike, T_flange_tool: RigidTransform) -> Array:
+        """(6, 6) from joint speeds to the velocity and angular velocity of a tool's origin in the world.
+
+        Args:
+            q: (6,) joint angles in rad.
+            T_flange_tool: the tool on the flange.
+
+        Raises:
+            InputError: when q is not six finite numbers.
+        """
+        point = (self.forward(q) * T_flange_tool).translation
+        linear, angular = np.zeros((3, 6)), np.zeros((3, 6))
+        body = int(self._model.site_bodyid[find(self._model, mujoco.mjtObj.mjOBJ_SITE, "flange")])
+        mujoco.mj_jac(self._model, self._configuration.data, linear, angular, point, body)
+        return np.vstack([linear, angular])
+
     def inverse(self, T_world_flange: RigidTransform, seed_q: ArrayLike = HOME_Q) -> Array:
         """Joint angles that take the flange to a pose, near a seed.
 

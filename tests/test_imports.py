@@ -183,7 +183,7 @@ def test_a_task_never_asks_for_the_truth(path):
     names = {
         node.attr for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Attribute)
     }
-    assert names.isdisjoint({"truth", "camera_truth", "visibility", "xpos", "xquat", "xmat"})
+    assert names.isdisjoint({"truth", "camera_truth", "peg_truth", "visibility", "xpos", "xquat", "xmat"})
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +12,18 @@ from benchmark.config import EpisodeConfig
 from benchmark.tasks.bench import Viewpoints
 from benchmark.tasks.task import Looks
 from benchmark.world.cell import WorkCell
+from benchmark.world.fixtures import PegTool, peg_for
 from benchmark.world.parts import get_part
 from benchmark.world.scene import CellConfig, cell_config
 from benchmark.world.sensor import sensor_config
 from robot.errors import UnreachableError
 from robot.viewpoints import footprint, reachable_viewpoints, stations
+from vision.errors import InputError
 from vision.geometry.workspace import Workspace
 
 Array = NDArray[np.float64]
 VIEWS_AGAIN = 3
+DEFAULT_CLEARANCE_MM = 0.5
 TILTS_AGAIN_RAD = tuple(float(np.radians(tilt)) for tilt in (45, 35, 25, 20))
 
 
@@ -46,7 +50,10 @@ class CellPool:
         Raises:
             ResourceError: a mesh or a description is missing, or the machine cannot draw.
         """
-        key = (self._configure(config.parts, config.pieces), config.sensor)
+        sizes = self._configure(config.parts, config.pieces)
+        if config.task == "insert":
+            sizes = replace(sizes, peg=peg_of(config))
+        key = (sizes, config.sensor)
         if self._cell is None or key != self._key:
             self.close()
             self._cell, self._key = WorkCell(key[0], sensor_config(config.sensor)), key
@@ -76,6 +83,23 @@ class CellPool:
         if self._cell is not None:
             self._cell.close()
         self._cell, self._key, self._viewpoints = None, None, {}
+
+
+def clearance_m(config: EpisodeConfig) -> float:
+    """Diametral, between peg and bore."""
+    return 1e-3 * (DEFAULT_CLEARANCE_MM if config.clearance_mm is None else config.clearance_mm)
+
+
+def peg_of(config: EpisodeConfig) -> PegTool:
+    """The peg for the bore of the episode's part.
+
+    Raises:
+        InputError: several parts, or one without a bore.
+    """
+    bore = get_part(config.parts[0]).bore
+    if len(config.parts) != 1 or bore is None:
+        raise InputError("parts of an insertion", got=config.kind, expected="one part that has a bore")
+    return peg_for(bore, clearance_m(config))
 
 
 def workspace(config: CellConfig) -> Workspace:

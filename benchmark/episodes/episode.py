@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmark.config import EpisodeConfig
-from benchmark.episodes.cells import CellPool, workspace
+from benchmark.episodes.cells import CellPool, clearance_m, workspace
 from benchmark.episodes.evaluation import Verdict
 from benchmark.episodes.referee import Referee, pick_record
 from benchmark.localizers.oracle import Truth
@@ -88,7 +88,16 @@ def run_episode(
         clock.follow(lambda: float(cell.data.time))
         watch = StepWatch(cell) if config.task not in ("none", "pick") else None
         bench = Workbench(
-            cell, localizer, workspace(cell.config), sensor_rng, clock, referee, on_step, config.models, watch
+            cell,
+            localizer,
+            workspace(cell.config),
+            sensor_rng,
+            clock,
+            referee,
+            on_step,
+            config.models,
+            watch,
+            clearance_m(config),
         )
         attempts = []
         for attempt in make_task(config.task).run(bench, cells.looks(config)):

@@ -22,6 +22,7 @@ from vision.geometry.camera import View
 from vision.localizer import Localization, Localizer
 
 Array = NDArray[np.float64]
+ON_AXIS_M, ON_AXIS_RAD = 0.002, float(np.radians(5))  # more play than any bore leaves a peg that is in it
 
 
 class Referee(Witness):
@@ -95,6 +96,9 @@ class Referee(Witness):
         stage, cause = attempt.stage, attempt.cause
         if stage is None and attempt.goal == "pick" and not arrived:
             stage, cause = "place", "does not lie in the tray"
+        depth_mm = self._peg_depth_mm(attempt) if attempt.goal == "insert" else None
+        if attempt.goal == "insert" and stage is None and depth_mm is None:
+            stage, cause = "seat", "does not sit in the bore"
         worst = attempt.watched
         piece = None if attempt.estimate is None else self._owner[attempt.estimate]
         meant, (stray_body, stray) = _sorted_forces(worst, piece)
@@ -114,7 +118,23 @@ class Referee(Witness):
             speed_share=round(worst.speed, 4),
             acceleration_share=round(worst.acceleration, 4),
             jerk_share=round(worst.jerk, 4),
+            tries=attempt.tries,
+            wrist_n=round(attempt.wrist_n, 3),
+            depth_mm=None if depth_mm is None else round(depth_mm, 4),
         )
+
+    def _peg_depth_mm(self, attempt: Attempt) -> float | None:
+        """How deep the peg is in the bore that was meant; None where its tip is not on the bore's axis."""
+        piece = None if attempt.estimate is None else self._owner[attempt.estimate]
+        bore = None if piece is None else get_part(self._cell.config.piece_parts[piece]).bore
+        if piece is None or bore is None:
+            return None
+        T_bore_tip = (self._cell.truth()[piece] * bore.T_part_bore).inv() * self._cell.peg_truth()
+        x, y, z = T_bore_tip.translation
+        along = float(T_bore_tip.rotation.as_matrix()[2, 2])
+        if np.hypot(x, y) > ON_AXIS_M or abs(along) < np.cos(ON_AXIS_RAD):
+            return None
+        return 1e3 * float(z if along > 0 else bore.depth_m - z)
 
     def in_tray(self) -> tuple[bool, ...]:
         """For every piece, whether it lies in the tray: its centre between the walls, and low."""

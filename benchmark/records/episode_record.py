@@ -180,6 +180,9 @@ class AttemptRecord:
         speed_share: largest measured joint speed in free air over its limit.
         acceleration_share: the same of the acceleration.
         jerk_share: the same of the jerk.
+        tries: how often an insertion began.
+        wrist_n: largest force in N that the wrist felt during an insertion.
+        depth_mm: how deep the peg ended in the bore; None where it was not on its axis, or for other goals.
     """
 
     goal: str
@@ -197,6 +200,9 @@ class AttemptRecord:
     speed_share: float = 0.0
     acceleration_share: float = 0.0
     jerk_share: float = 0.0
+    tries: int = 1
+    wrist_n: float = 0.0
+    depth_mm: float | None = None
 
 
 @dataclass(frozen=True)

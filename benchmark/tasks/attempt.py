@@ -25,6 +25,8 @@ class Attempt:
         rejected: where no way was found, how many candidates fell for which reason.
         seconds: simulated time by what the robot did, since the attempt before.
         watched: the worst of all physics steps since the attempt before.
+        tries: how often an insertion began.
+        wrist_n: largest force that the wrist felt during an insertion.
     """
 
     goal: str
@@ -35,3 +37,5 @@ class Attempt:
     rejected: Mapping[str, int] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
     watched: Watched = field(default_factory=Watched)
+    tries: int = 1
+    wrist_n: float = 0.0

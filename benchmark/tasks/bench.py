@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
 
+from benchmark.models import load_model
 from benchmark.tasks.attempt import Attempt, Stage
 from benchmark.tasks.clock import Clock
 from benchmark.tasks.hand import Hand
@@ -15,10 +17,13 @@ from benchmark.tasks.part_shape import opened_grasps_of, surface_points
 from benchmark.world.boards import boards
 from benchmark.world.cell import WorkCell
 from benchmark.world.drop import OnStep
+from benchmark.world.fixtures import TIP_BELOW_TCP_M
 from benchmark.world.parts import get_part
-from benchmark.world.watch import StepWatch
+from benchmark.world.watch import StepWatch, Watched
+from robot.bore_approach import BoreApproach, approach_bore
 from robot.grasping import plan_grasp
 from robot.grasps import GraspChoice, GraspParameters, GraspPlan, Piece
+from robot.insertion import InsertionParameters
 from robot.placing import PlaceParameters, Placing, Tray, plan_placing
 from robot.tipping import Tip, plan_tip
 from robot.viewpoints import Viewpoint
@@ -31,6 +36,7 @@ FREE_OVER_WALL_M = 0.03
 SURE_POSITION_M = 0.0005  # a pose known this well leaves nothing to wish for
 _TRUST_AFTER_FAILURE = 0.4  # in a pose at which a grasp failed, as a share of before
 _FALLEN_RING = 24
+DEEP_M, DEEP_SHARE = 0.010, 0.9  # how deep a peg has to get, and the most of a bore
 FIRMER_M = 0.0008  # lower with every push in vain
 
 Viewpoints = list[Viewpoint]
@@ -67,6 +73,7 @@ class Workbench:
     Attributes:
         hand: moves arm and gripper.
         clock: what took how long.
+        clearance_m: diametral, between peg and bore.
     """
 
     def __init__(
@@ -80,6 +87,7 @@ class Workbench:
         on_step: OnStep | None = None,
         models: str | None = None,
         watch: StepWatch | None = None,
+        clearance_m: float = 0.0005,
     ) -> None:
         """Take over a cell in which pieces have come to rest.
 
@@ -93,14 +101,16 @@ class Workbench:
             on_step: called after every physics step.
             models: directory of vision models that come before the shipped ones.
             watch: looks at every physics step.
+            clearance_m: diametral, between peg and bore.
         """
         self._cell, self._localizer, self._space, self._rng = cell, localizer, space, rng
         self._witness, self._models, self._watch = witness or Witness(), models, watch
-        self.clock = clock
+        self.clock, self.clearance_m = clock, clearance_m
         self.hand = Hand(cell, clock, _both(on_step, watch))
         self.diameter_m = max(get_part(name).diameter_m for name in cell.config.part_names)
         self._bin, self._tray = boards(cell.model, "bin"), boards(cell.model, "tray")
         self._views_taken = 0
+        self._left_at: RigidTransform | None = None
 
     def look(self, viewpoints: Viewpoints) -> Sight:
         """Photograph the bin from every viewpoint."""
@@ -208,6 +218,51 @@ class Workbench:
             belief = belief.put(Placed(part, placing.T_world_part, placing.flat))
         return self.attempt("pick", plan.piece, failed, name), belief
 
+    def insert(self, belief: Belief) -> Attempt:
+        """Put the peg into the most upright bore that is known."""
+        ways = ((index, way, depth) for index, bore, depth in self._bores(belief) if (way := self._way_to(bore)))
+        with self.clock.stage("motion"):
+            index, way, depth_m = next(ways, (None, None, 0.0))
+            if index is None or way is None:
+                stage: Stage = "plan" if belief.known else "localize"
+                return self.attempt("insert", None, (stage, "no bore that the peg can come to"))
+            self._left_at = way.T_world_start
+            failed, tries, most_n = self.hand.insert(
+                way, InsertionParameters(self.clearance_m, min(DEEP_M, DEEP_SHARE * depth_m)), TIP_BELOW_TCP_M
+            )
+        attempt = self.attempt("insert", index, failed)
+        return replace(attempt, tries=tries, wrist_n=most_n)
+
+    def withdraw(self) -> None:
+        """Take the peg out again, or away."""
+        if self._left_at is not None:
+            self.hand.draw_back(self._left_at)
+            self._left_at = None
+
+    def _way_to(self, T_world_bore: RigidTransform) -> BoreApproach | None:
+        return approach_bore(
+            self._cell.kinematics,
+            self.hand.geometry,
+            T_world_bore,
+            TIP_BELOW_TCP_M,
+            self._bin,
+            self.hand.joint_positions,
+            self.free_height_m,
+        )
+
+    def _bores(self, belief: Belief) -> list[tuple[int, RigidTransform, float]]:
+        """Entries of all bores, from either side, with their depths; the most upright first."""
+        bores = []
+        for index, known in enumerate(belief.known):
+            bore = load_model(known.estimate.part, self._models).bore
+            if bore is not None:
+                front = known.estimate.T_world_part * bore.T_part_bore
+                back = front * RigidTransform.from_components(
+                    [0.0, 0.0, bore.depth_m], Rotation.from_euler("x", np.pi)
+                )
+                bores += [(index, front, bore.depth_m), (index, back, bore.depth_m)]
+        return sorted(bores, key=lambda entry: float(entry[1].rotation.as_matrix()[2, 2]))
+
     def attempt(
         self,
         goal: str,
@@ -218,11 +273,11 @@ class Workbench:
     ) -> Attempt:
         """What has been done since the last attempt, as an attempt."""
         stage, cause = failed or (None, "")
-        worst = {} if self._watch is None else {"watched": self._watch.worst}
+        worst = Watched() if self._watch is None else self._watch.worst
         if self._watch is not None:
             self._watch.restart()
         rejected = {} if choice is None or choice.plan is not None else choice.rejected
-        return Attempt(goal, estimate, stage, cause, grasp, rejected, self.clock.take_simulated_s(), **worst)
+        return Attempt(goal, estimate, stage, cause, grasp, rejected, self.clock.take_simulated_s(), worst)
 
 
 def _footprint(part: str, pose: np.ndarray, flat: bool) -> np.ndarray:

@@ -14,11 +14,15 @@ from benchmark.tasks.clock import Clock
 from benchmark.world.cell import GRIPPER_PREFIX, WorkCell
 from benchmark.world.drop import OnStep
 from benchmark.world.parts import get_part
+from robot.bore_approach import BoreApproach
+from robot.compliance import at_tip
 from robot.errors import UnreachableError
 from robot.grasps import GraspPlan
 from robot.gripper import Gripper
 from robot.gripper_geometry import GripperGeometry
+from robot.insertion import ENDED, Insertion, InsertionParameters
 from robot.placing import Placing
+from robot.servo import CartesianServo
 from robot.tipping import Tip, drag_along
 from robot.trajectory import DEFAULT_DT_S, Trajectory, cartesian_path
 from robot.wrist import WristSensor
@@ -32,6 +36,7 @@ GRIP_TIMEOUT_S = 1.2
 GRIP_SETTLE_S = 0.05
 RELEASE_TIMEOUT_S = 0.4
 RETREAT_M = 0.06
+INSERT_TIMEOUT_S = 40.0
 GUARD_N = 30.0  # felt on the way to a piece, it means that something is in the way
 PRESSING_GUARD_N = 5.0
 DRAGGING_GUARD_N = 40.0
@@ -198,6 +203,38 @@ class Hand:
         """Open the fingers as wide as they were on the way to the piece."""
         self.gripper.open_to(plan.grasp.open_width_m)
         self.wait_until(lambda: self.gripper.at_rest, RELEASE_TIMEOUT_S)
+
+    def insert(
+        self, way: BoreApproach, parameters: InsertionParameters, tip_m: float
+    ) -> tuple[Failure | None, int, float]:
+        """Put the peg in; returns where and why it failed, how often it began, and the largest force felt."""
+        cell, doing = self._cell, self._clock.doing
+        self.gripper.close_with(LEAST_GRIP_FORCE_N)
+        with doing("move"):
+            self.move_joints(np.array(way.approach.q[0]))
+        with doing("approach"):
+            arrived = self.follow(way.approach, GUARD_N)
+        if not arrived.arrived:
+            return ("approach", f"met something with {arrived.force_n:.0f} N"), 1, arrived.force_n
+        self.wrist.tare()
+        T_flange_tip = self.geometry.T_flange_tcp * RigidTransform.from_translation([0.0, 0.0, tip_m])
+        servo = CartesianServo(cell.kinematics, cell.arm.commanded_positions, T_flange_tip)
+        insertion, dt_s = Insertion(parameters), float(cell.model.opt.timestep)
+        T_bore_world, reach_m = way.T_world_bore.inv(), float(T_flange_tip.translation[2])
+        with doing("insert"):
+            for _ in range(round(INSERT_TIMEOUT_S / dt_s)):
+                tip = cell.kinematics.forward(self.joint_positions) * T_flange_tip
+                depth_m = float((T_bore_world * tip).translation[2])
+                twist = insertion.step(at_tip(self.wrist.wrench(), reach_m), depth_m, dt_s)
+                if insertion.phase in ENDED:
+                    break
+                cell.arm.command(*servo.step(twist, dt_s))
+                cell.step(1, self._on_step)
+            cell.arm.command(cell.arm.joint_positions)
+        if insertion.phase == "seated":
+            return None, insertion.tries, insertion.most_n
+        stage: Stage = "search" if insertion.phase in ("touch", "search", "not_found") else "seat"
+        return (stage, insertion.phase.replace("_", " ")), insertion.tries, insertion.most_n
 
     @property
     def T_world_commanded(self) -> RigidTransform:  # noqa: N802

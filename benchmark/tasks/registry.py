@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from benchmark.tasks.clear import Clear
+from benchmark.tasks.insert import Insert
 from benchmark.tasks.look_only import LookOnly
 from benchmark.tasks.pick import Pick
 from benchmark.tasks.task import Task
 
-_ALL: tuple[Task, ...] = (Pick(), Clear(), LookOnly())
+_ALL: tuple[Task, ...] = (Pick(), Clear(), Insert(), LookOnly())
 
 
 def make_task(name: str) -> Task:

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 ARM_PREFIX = "arm/"
 GRIPPER_PREFIX = "arm/gripper/"
+PEG_TIP = "arm/gripper/peg_tip"
 # Clear of the bin, of falling pieces and of the light.
 PARK_Q = read_only(np.radians([100.0, -110.0, 35.0, 0.0, 75.0, 0.0]))
 _ARM_REST_RAD_S = 2e-4
@@ -180,6 +181,17 @@ class WorkCell:
             )
             for body in self._bodies
         ]
+
+    def peg_truth(self) -> RigidTransform:
+        """The true pose of the peg's tip in the world, z along the peg. For measuring.
+
+        Raises:
+            InputError: the cell has no peg.
+        """
+        if self.config.peg is None:
+            raise InputError("work cell", got="no peg", expected="one with a peg on the tool")
+        tip = self.data.site(PEG_TIP)
+        return RigidTransform.from_components(tip.xpos, Rotation.from_matrix(tip.xmat.reshape(3, 3)))
 
     def camera_truth(self) -> RigidTransform:
         """The true T_world_camera in OpenCV's axes. For measuring, never for localising."""

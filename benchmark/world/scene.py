@@ -14,6 +14,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from benchmark.world import gl
+from benchmark.world.fixtures import TIP_BELOW_TCP_M, PegTool, is_collar, round_collar
 from benchmark.world.part import Part
 from benchmark.world.parts import get_part
 from vision.errors import InputError, ResourceError
@@ -54,6 +55,7 @@ class CellConfig:
         view_tilt_rad: angle of a viewpoint's optical axis from the vertical.
         arm_xml: MJCF of the arm, with joints ``joint1`` .. ``joint6`` and a site ``flange``.
         gripper_xml: MJCF of the gripper, with a site ``tcp`` and a camera ``wrist_camera``.
+        peg: on the tool, for insertions; the bores of the pieces are then round enough for it.
     """
 
     part_names: tuple[str, ...]
@@ -70,6 +72,7 @@ class CellConfig:
     resolution_px: tuple[int, int] = (640, 480)
     arm_xml: Path = SCENES / "puma761.xml"
     gripper_xml: Path = SCENES / "gripper.xml"
+    peg: PegTool | None = None
 
     def __post_init__(self) -> None:
         if not self.part_names or self.pieces < 1:
@@ -175,7 +178,10 @@ def build_scene(config: CellConfig) -> mjcf.RootElement:
     _add_box(root, "bin", config.bin_centre_m, config.bin_size_m, config.bin_wall_m)
     _add_box(root, "tray", config.tray_centre_m, config.tray_size_m, min(0.02, config.bin_wall_m / 2))
     _add_arm(root, config)
-    meshes = {name: _add_meshes(root, get_part(name)) for name in dict.fromkeys(config.part_names)}
+    meshes = {
+        name: _add_meshes(root, get_part(name), round_bore=config.peg is not None)
+        for name in dict.fromkeys(config.part_names)
+    }
     for number, name in enumerate(config.piece_parts):
         _add_piece(root, number, get_part(name), meshes[name])
     return root
@@ -303,7 +309,20 @@ def _add_arm(root: mjcf.RootElement, config: CellConfig) -> None:
     camera.focal = (config.focal_length_m, config.focal_length_m)
     camera.sensorsize = config.sensor_size_m
     camera.resolution = config.resolution_px
+    if config.peg is not None:
+        _add_peg(gripper, config.peg)
     root.attach(arm)
+
+
+def _add_peg(gripper: mjcf.RootElement, peg: PegTool) -> None:
+    """Fix the peg to the tool; it is taken from the changer after the look, so that the camera never sees it."""
+    tcp = gripper.find("site", "tcp")
+    gripper.asset.add("mesh", name="peg", vertex=peg.vertices.ravel(), inertia="convex")
+    body = gripper.find("body", "gripper_base").add("body", name="peg", pos=tcp.pos, gravcomp=1)
+    body.add("inertial", mass=0.1, pos=(0, 0, 0), diaginertia=(1e-4, 1e-4, 1e-4))
+    body.add("geom", name="peg", type="mesh", mesh="peg", group=COLLISION_GROUP, contype=2, conaffinity=1, mass=0,
+             priority=2, condim=4, friction=(0.2, 0.005, 0.0001), **_CONTACT)  # fmt: skip
+    body.add("site", name="peg_tip", pos=(0, 0, TIP_BELOW_TCP_M), size=(0.001,), group=4)
 
 
 def _load(path: Path, name: str) -> mjcf.RootElement:
@@ -316,8 +335,11 @@ def _load(path: Path, name: str) -> mjcf.RootElement:
     return model
 
 
-def _add_meshes(root: mjcf.RootElement, part: Part) -> list[str]:
-    """Declare a part's meshes; returns the names of the collision pieces."""
+def _add_meshes(root: mjcf.RootElement, part: Part, *, round_bore: bool) -> list[str]:
+    """Declare a part's meshes; returns the names of the collision pieces.
+
+    With a round bore finer sectors take the place of those around it.
+    """
     mesh = trimesh.load_mesh(part.visual_mesh, process=False)
     root.asset.add(
         "mesh",
@@ -329,9 +351,18 @@ def _add_meshes(root: mjcf.RootElement, part: Part) -> list[str]:
         inertia="shell",
     )
     names = []
+    coarse = []
     for number, path in enumerate(part.collision_meshes):
+        corners = np.asarray(trimesh.load_mesh(path, process=False).vertices) if round_bore else np.zeros((0, 3))
+        if round_bore and part.bore is not None and is_collar(corners, part.bore):
+            coarse.append(corners)
+            continue
         names.append(f"{part.name}_hull_{number}")
         root.asset.add("mesh", name=names[-1], file=str(path), inertia="convex")
+    if coarse and part.bore is not None:
+        for number, sector in enumerate(round_collar(coarse, part.bore)):
+            names.append(f"{part.name}_collar_{number}")
+            root.asset.add("mesh", name=names[-1], vertex=sector.vertices.ravel(), inertia="convex")
     return names
 
 
