@@ -23,6 +23,7 @@ from benchmark.report.published import PublishedErrors
 from benchmark.report.rate import Rate
 from benchmark.report.reliability import reliability_grid
 from benchmark.report.tables import STAGES, AccuracyRow, Table
+from benchmark.report.task_rows import task_grids
 
 EXTRACTOR_TITLES = {"focal-region": "Region-match", "focal-group": "Group-match"}
 STAGE_TITLES = {
@@ -38,7 +39,7 @@ def grids(table: Table) -> list[Grid]:
     shown += [*margin_grids(table.margins), *recovered_grids(table.recovered)]
     if any(rate.n for rate in table.picks.values()):
         shown.append(_picks(table))
-    return [*shown, _counts(table)]
+    return [*shown, *task_grids(table.tasks), _counts(table)]
 
 
 def print_table(table: Table, console: Console) -> None:
