@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -31,13 +32,14 @@ print("went on")
 def run(program: str, directory: Path, *arguments: str) -> tuple[int, str, str]:
     """The exit code and what was printed to either stream; modules in the directory can be imported."""
     path = os.pathsep.join([str(directory), str(ROOT)])
+    inherited = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "NICEGUI"))}
     done = subprocess.run(
         [sys.executable, "-c", program, *arguments],
         capture_output=True,
         text=True,
         check=False,
         timeout=BOUND_S,
-        env=os.environ | {"PYTHONPATH": path},
+        env=inherited | {"PYTHONPATH": path},
     )
     return done.returncode, done.stdout, done.stderr
 
@@ -75,3 +77,33 @@ def test_who_answers_ctrl_c_already_goes_on_doing_so(before: str, tmp_path: Path
     program += IN_ORDER.format(inside=PRESS, after="")
     expected = "went on\n" if "IGN" in before else "mine\nwent on\n"
     assert run(program, tmp_path) == (0, expected, "")
+
+
+TEACHING = """
+import asyncio, signal, sys
+from pathlib import Path
+from nicegui import app
+from benchmark.interrupts import end_at_once, ended_in_order
+from benchmark.lessons.page_services import open_views
+from vision.teaching.editor.server import serve
+
+def press(times):
+    for _ in range(times):
+        signal.raise_signal(signal.SIGINT)
+
+if __name__ == "__main__":
+    app.on_startup(lambda: asyncio.get_running_loop().call_later(0.2, press, 3))
+    end_at_once()
+    directory, services = open_views(Path(sys.argv[1]), 65)
+    try:
+        with ended_in_order():
+            serve(directory, directory / "model.json", services, 0, False)
+    except KeyboardInterrupt:
+        print("in order")
+"""
+
+
+def test_an_impatient_person_ends_the_teaching_page_in_order(tmp_path: Path) -> None:
+    views = shutil.copytree(ROOT / "assets" / "models" / "sessions" / "cover2", tmp_path / "views")
+    code, out, err = run(TEACHING, tmp_path, str(views))
+    assert (code, out.splitlines()[-1], err) == (0, "in order", "")

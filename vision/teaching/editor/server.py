@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import logging
+import signal
 import socket
 import sys
+import threading
 from pathlib import Path
+from types import FrameType
 
 import cv2
 from fastapi import HTTPException, Response
@@ -70,6 +73,7 @@ def _run(workshop: Workshop, listener: socket.socket, show: bool) -> None:
     stop_listening = workshop.listen(warn)
 
     def start() -> None:
+        _hear_ctrl_c_once()
         background_tasks.create(workshop.run(), name="workshop")
         print(f"Teach {workshop.part_name} at http://{HOST}:{port}/  (Ctrl-C ends; nothing is lost)", flush=True)
 
@@ -90,6 +94,25 @@ def _run(workshop: Workshop, listener: socket.socket, show: bool) -> None:
         cache_control_directives="no-cache",
         timeout_graceful_shutdown=1,
     )
+
+
+def _hear_ctrl_c_once() -> None:
+    """Let an impatient Ctrl-C not disturb the way out: at a second one uvicorn drops all, with a traceback.
+
+    For the time of the server, which puts back what was before.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return
+    answer = signal.getsignal(signal.SIGINT)
+    heard = False
+
+    def hear(number: int, frame: FrameType | None) -> None:
+        nonlocal heard
+        if not heard and callable(answer):
+            heard = True
+            answer(number, frame)
+
+    signal.signal(signal.SIGINT, hear)
 
 
 def _is_worth_telling(record: logging.LogRecord) -> bool:
