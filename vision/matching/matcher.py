@@ -170,6 +170,9 @@ class Matcher:
             floor = self.workspace.low[2] - self.parameters.floor_slack * self.model.diameter_m
             if self.circles.lowest(final.T_world_part.as_matrix()) < floor:
                 return False
+        spread_m = np.sqrt(np.linalg.eigvalsh(final.covariance[:3, :3])[-1])
+        if not spread_m < 0.5 * self.model.diameter_m:
+            return False  # it may as well be where another part is
         separation = self.parameters.minimum_separation * self.model.diameter_m
         origin = final.T_world_part.translation
         return final.score >= minimum_score and all(
