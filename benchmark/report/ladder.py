@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
@@ -16,6 +17,10 @@ from benchmark.report.tables import Table, build_table
 OURS = "focal"
 ONE_EXTRACTOR = ("focal-region", "focal-group")
 """They are held to ``OURS``, not to the row above them."""
+_NOTE = f"""Matched, of pieces at least {HALF_VISIBLE:.0%} and {BARELY_VISIBLE:.0%} visible, in percent; against:
+margin of the latter over the row above, of the last two over {OURS}, with Newcombe's 95 % interval for paired
+proportions; errors of the matched pieces, mean ± standard deviation; false: percentage of the
+reported poses that belong to no piece; ms: a view, median, on the machine that ran the sweep."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +37,7 @@ class LadderRow:
         translation_mm: errors of those that were matched.
         rotation_deg: the same.
         false_poses: share of the reported poses that belong to no piece.
-        view_ms: mean time for a view in milliseconds, on the machine that ran the sweep; None where there is none.
+        view_ms: median time for a view in milliseconds, on the machine that ran the sweep; None where there is none.
         margin: in matching over ``above``, of the same pieces at least 10 % visible; None for the first.
     """
 
@@ -88,7 +93,7 @@ def _row(
         translation_mm=errors["translation_mm"],
         rotation_deg=errors["rotation_deg"],
         false_poses=table.find_false_poses(part, name),
-        view_ms=1000 * sum(times) / len(times) / config.views if times else None,
+        view_ms=1000 * statistics.median(times) / config.views if times else None,
         margin=None if above is None else paired_margin(records, part, (name, above), BARELY_VISIBLE),
     )
 
@@ -117,12 +122,7 @@ def ladder_grid(rows: Sequence[LadderRow]) -> Grid:
         ),
         rows=tuple(_cells(row, i == 0 or rows[i - 1].part != row.part) for i, row in enumerate(rows)),
         sections=last_of_each([row.part for row in rows]),
-        note=f"Matched, of pieces at least {HALF_VISIBLE:.0%} and {BARELY_VISIBLE:.0%} visible, in percent; against: the "
-        "margin of the latter over\n"
-        f"the row above, of the last two over {OURS}, with Newcombe's 95 % interval for paired proportions; errors of\n"
-        "the matched pieces, mean ± standard deviation; false: percentage of the reported poses that belong to no\n"
-        "piece; ms: a view, on the machine that ran the sweep.\n"
-        + "\n".join(f"{name}: {idea}" for name, idea in LADDER.items()),
+        note="\n".join([_NOTE, *(f"{name}: {idea}" for name, idea in LADDER.items())]),
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 from benchmark.config import EpisodeConfig
 from benchmark.episodes.cells import CellPool, bin_stations
 from benchmark.episodes.episode import EpisodeObserver, run_episode
-from benchmark.records.episode_record import strip_timings, to_json
+from benchmark.records.episode_record import strip_timings, to_json, vision_stage
 from benchmark.world.scene import cell_config
 
 pytestmark = pytest.mark.sweep
@@ -50,6 +50,18 @@ def test_the_record_tells_what_was_run_and_what_became_of_each_piece(part, recor
         assert (piece.failed_stage is None) == (piece.in_bin and piece.results["focal"].matched)
         for result in piece.results.values():
             assert (result.errors is not None) == result.matched
+
+
+def test_others_look_at_the_same_pictures_and_change_nothing(records):
+    record = run_episode(config("cover1", compared=("previous", "oracle")))
+    assert [p.visibility for p in record.pieces] == [p.visibility for p in records["cover1"].pieces]
+    assert set(record.false_positives) == {"focal-region", "focal-group", "focal", "previous", "oracle"}
+    for piece, alone in zip(record.pieces, records["cover1"].pieces, strict=True):
+        assert piece.results["focal"] == alone.results["focal"]
+        assert piece.failed_stage == alone.failed_stage
+        assert piece.results["oracle"].matched
+    assert record.timings_s.keys() >= {"vision", vision_stage("previous"), vision_stage("oracle")}
+    assert any(piece.results["previous"].extracted for piece in record.pieces)
 
 
 def test_the_oracle_matches_every_piece_without_error(records):
