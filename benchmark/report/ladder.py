@@ -17,8 +17,8 @@ from benchmark.report.tables import Table, build_table
 OURS = "focal"
 ONE_EXTRACTOR = ("focal-region", "focal-group")
 """They are held to ``OURS``, not to the row above them."""
-_NOTE = f"""Matched, of pieces at least {HALF_VISIBLE:.0%} and {BARELY_VISIBLE:.0%} visible, in percent; against: margin
-of the latter over the row above, of the last two over {OURS}, with Newcombe's 95 % interval for paired
+_NOTE = f"""Matched, of pieces at least {HALF_VISIBLE:.0%} and {BARELY_VISIBLE:.0%} visible, in percent; against:
+margin of the latter over the row above, of the last two over {OURS}, with Newcombe's 95 % interval for paired
 proportions; errors of the matched pieces, mean ± standard deviation; false: percentage of the
 reported poses that belong to no piece; ms: a view, median, on the machine that ran the sweep."""
 

@@ -17,7 +17,7 @@ class Attempt:
     """One attempt.
 
     Attributes:
-        goal: what was attempted: ``pick``, ``push`` or ``insert``.
+        goal: what was attempted: ``pick``, ``push``, ``insert``, or ``look`` for a last look that finds nothing.
         estimate: number of the localised piece that it was about, None where there was none.
         stage: where it ended, None where the robot believes that it succeeded.
         cause: why, in a few words; empty where it succeeded.

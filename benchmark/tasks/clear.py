@@ -47,7 +47,7 @@ class Clear:
                 sight = sight.and_also(bench.look(looks.again()))
                 belief, choice = self._understood(bench, belief, sight)
             if not belief.known:
-                yield bench.attempt("pick", None, ("localize", "nothing is found any more"))
+                yield bench.attempt("look", None)  # for what is left, and nothing is
                 return
             tip = bench.plan_tip(belief, pushes) if choice.plan is None and pushes < self.most_pushes else None
             if tip is not None:
