@@ -14,7 +14,7 @@ from benchmark.seeds import SCENES
 from benchmark.strict_json import MAY_BE_MISSING
 from vision.errors import InputError
 
-Task = Literal["pick", "none"]
+Task = Literal["pick", "clear", "insert", "none"]
 SENSORS = ("ideal", "lab", "shopfloor")
 LOCALIZERS = ("focal", "focal-region", "focal-group", "paper", "previous", "oracle")
 LADDER: dict[str, str] = {
@@ -34,6 +34,7 @@ LADDER: dict[str, str] = {
 TASKS: tuple[str, ...] = get_args(Task)
 VIEWS = (2, 3)
 MOST_PIECES = 12
+MOST_CLEARANCE_MM = 5.0
 MOST_SCENES = 100_000
 MOST_WORKERS = 1024
 TAUGHT_VIEWS = (2, 5)
@@ -84,7 +85,7 @@ class Variant:
 
 @dataclass(frozen=True)
 class EpisodeConfig:
-    """One scene: pieces dropped into the bin, photographed, localised and, with task ``pick``, picked.
+    """One scene: pieces dropped into the bin, photographed, localised and, with most tasks, picked.
 
     Attributes:
         parts: names of the part types in the scene, or mesh files; one, or several for a mixed scene.
@@ -94,10 +95,12 @@ class EpisodeConfig:
         sensor: name of a sensor preset, one of ``SENSORS``.
         localizer: one of ``LOCALIZERS``, or the user's own as ``benchmark.localizers`` finds it.
         views: number of viewpoints, 2 or 3.
-        task: ``pick`` lets the robot pick, ``none`` stops after localisation.
+        task: ``pick`` lets the robot pick one piece, ``clear`` all of them, ``insert`` put a peg into a bore,
+            ``none`` stops after localisation.
         variant: what is different in this episode of a study; None outside studies.
         models: directory of vision models that come before the shipped ones, None for these alone.
         compared: other localizers that look at the same pictures; nothing is picked by their poses.
+        clearance_mm: diametral, between peg and bore, of the task ``insert``; None for 0.5 mm.
     """
 
     parts: tuple[str, ...]
@@ -111,6 +114,7 @@ class EpisodeConfig:
     variant: Variant | None = field(default=None, metadata=MAY_BE_MISSING)
     models: str | None = field(default=None, metadata=MAY_BE_MISSING)
     compared: tuple[str, ...] = field(default=(), metadata=MAY_BE_MISSING)
+    clearance_mm: float | None = field(default=None, metadata=MAY_BE_MISSING)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parts", tuple(self.parts))
@@ -156,6 +160,7 @@ class SweepConfig:
         variants: what a study varies: every scene is run once in each variant. Empty outside studies.
         models: as in ``EpisodeConfig``.
         compared: as in ``EpisodeConfig``.
+        clearance_mm: as in ``EpisodeConfig``.
     """
 
     parts: tuple[str, ...]
@@ -170,6 +175,7 @@ class SweepConfig:
     variants: tuple[Variant, ...] = field(default=(), metadata=MAY_BE_MISSING)
     models: str | None = field(default=None, metadata=MAY_BE_MISSING)
     compared: tuple[str, ...] = field(default=(), metadata=MAY_BE_MISSING)
+    clearance_mm: float | None = field(default=None, metadata=MAY_BE_MISSING)
     most_pieces: int | None = field(default=None, metadata=MAY_BE_MISSING)
 
     def __post_init__(self) -> None:
@@ -225,6 +231,7 @@ class SweepConfig:
             variant=variant,
             models=self.models,
             compared=self.compared,
+            clearance_mm=self.clearance_mm,
         )
 
 
@@ -303,6 +310,9 @@ def _check_common(config: EpisodeConfig | SweepConfig) -> None:
         raise InputError("views", got=config.views, expected="2 or 3")
     if config.task not in TASKS:
         raise InputError("task", got=config.task, expected=" or ".join(TASKS))
+    if config.clearance_mm is not None and not 0 < config.clearance_mm <= MOST_CLEARANCE_MM:
+        expected = f"above 0, at most {MOST_CLEARANCE_MM}, in mm"
+        raise InputError("clearance of the peg", got=config.clearance_mm, expected=expected)
 
 
 def _like_table1(name: str, **changes: Any) -> SweepConfig:

@@ -107,12 +107,13 @@ class Arm:
         Raises:
             InputError: when the model has no such arm.
         """
-        self._data = data
+        self._model, self._data = model, data
         joints = [find(model, mujoco.mjtObj.mjOBJ_JOINT, prefix + name) for name in JOINT_NAMES]
         self._actuators = [find(model, mujoco.mjtObj.mjOBJ_ACTUATOR, prefix + name) for name in JOINT_NAMES]
         self._flange = find(model, mujoco.mjtObj.mjOBJ_SITE, prefix + "flange")
         self._qpos, self._dof = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
-        self._lead = -model.actuator_biasprm[self._actuators, 2] / model.actuator_gainprm[self._actuators, 0]
+        self._stiffness = model.actuator_gainprm[self._actuators, 0]
+        self._lead = -model.actuator_biasprm[self._actuators, 2] / self._stiffness
         self.limits = JointLimits.from_model(model, prefix)
 
     @property
@@ -131,13 +132,20 @@ class Arm:
         rotation = Rotation.from_matrix(self._data.site_xmat[self._flange].reshape(3, 3))
         return RigidTransform.from_components(self._data.site_xpos[self._flange], rotation)
 
-    def command(self, q: ArrayLike, qd: ArrayLike | None = None) -> None:
+    @property
+    def commanded_positions(self) -> Array:
+        """(6,) joint angles in rad that were last commanded at rest, a copy; a load sags below them."""
+        return np.array(self._data.ctrl[self._actuators])
+
+    def command(self, q: ArrayLike, qd: ArrayLike | None = None, qdd: ArrayLike | None = None) -> None:
         """Set the actuators' targets.
 
         Args:
             q: (6,) joint angles in rad.
             qd: (6,) the reference's speed in rad/s; with it the arm follows a moving reference without the lag
                 that the actuators' damping causes.
+            qdd: (6,) the reference's acceleration in rad/s²; with it without the lag that the inertia of the arm
+                and its tool causes. What the gripper holds is not known and is left to the actuators.
 
         Raises:
             InputError: when the angles are not six, not finite, or outside the joints' limits.
@@ -149,7 +157,17 @@ class Arm:
                 got=np.degrees(q).round(2).tolist(),
                 expected=f"within {self.limits.range_deg}",
             )
-        self._data.ctrl[self._actuators] = q if qd is None else q + self._lead * joint_vector(qd)
+        ahead = np.zeros(6) if qd is None else self._lead * joint_vector(qd)
+        if qdd is not None:
+            ahead = ahead + self._inertial_torque(joint_vector(qdd)) / self._stiffness
+        self._data.ctrl[self._actuators] = q + ahead
+
+    def _inertial_torque(self, qdd: Array) -> Array:
+        """(6,) torques in Nm that accelerate the arm, at the joint angles of the last step."""
+        acceleration, torque = np.zeros(self._model.nv), np.zeros(self._model.nv)
+        acceleration[self._dof] = qdd
+        mujoco.mj_mulM(self._model, self._data, torque, acceleration)
+        return np.asarray(torque[self._dof])
 
     def place(self, q: ArrayLike) -> None:
         """Put the joints at q (6,) in rad, at rest and commanded there: for setting up a scene, not for moving."""

@@ -54,7 +54,9 @@ def _bounds(tool: Boxes) -> tuple[Array, Array]:
     return (tool.centres - extents).min(axis=0), (tool.centres + extents).max(axis=0)
 
 
-def boxes_clearance(tool: Boxes, rotations: Array, translations: Array, obstacles: Boxes) -> Array:
+def boxes_clearance(
+    tool: Boxes, rotations: Array, translations: Array, obstacles: Boxes, up_to_m: float = np.inf
+) -> Array:
     """A lower bound of the distance between the tool and box obstacles, per pose (separating axis theorem).
 
     Args:
@@ -62,34 +64,39 @@ def boxes_clearance(tool: Boxes, rotations: Array, translations: Array, obstacle
         rotations: (K, 3, 3) of the tool's poses.
         translations: (K, 3) in m.
         obstacles: boxes in the poses' reference frame.
+        up_to_m: larger distances do not matter and are cut to this; saves most of the time.
 
     Returns:
-        (K,) in m: exact where face meets face, too small (never too large) elsewhere; negative for overlap; inf
-        without obstacles.
+        (K,) in m: exact where face meets face, too small (never too large) elsewhere; negative for overlap;
+        ``up_to_m`` without obstacles.
     """
-    nearest = np.full(len(rotations), np.inf)
-    for centre, rotation, half in zip(tool.centres, tool.rotations, tool.half_sizes, strict=True):
-        centres = rotations @ centre + translations
-        axes = rotations @ rotation
-        for other_centre, other_axes, other_half in zip(
-            obstacles.centres, obstacles.rotations, obstacles.half_sizes, strict=True
-        ):
-            gaps = _separation(centres, axes, half, other_centre, other_axes, other_half)
-            nearest = np.minimum(nearest, gaps)
+    nearest = np.full(len(rotations), up_to_m)
+    if not len(obstacles) or not len(rotations):
+        return nearest
+    centres = translations[:, None] + np.einsum("kij,tj->kti", rotations, tool.centres)
+    axes = np.einsum("kij,tjl->ktil", rotations, tool.rotations)
+    # The obstacles' own axes tell most pairs apart already.
+    seen = np.einsum("oji,ktjl->ktoil", obstacles.rotations, axes)
+    apart = np.abs(np.einsum("oji,ktoj->ktoi", obstacles.rotations, centres[:, :, None] - obstacles.centres))
+    reach = np.einsum("ktoil,tl->ktoi", np.abs(seen), tool.half_sizes) + obstacles.half_sizes
+    gaps = (apart - reach).max(axis=-1)
+    pose, box, obstacle = np.nonzero(gaps < up_to_m)
+    others = obstacles.rotations[obstacle], obstacles.half_sizes[obstacle]
+    between = obstacles.centres[obstacle] - centres[pose, box]
+    exact = _separation(between, axes[pose, box], tool.half_sizes[box], *others)
+    np.minimum.at(nearest, pose, exact)
     return nearest
 
 
-def _separation(
-    centres: Array, axes: Array, half: Array, other_centre: Array, other_axes: Array, other_half: Array
-) -> Array:
-    """(K,) largest gap over the 15 separating axes of boxes against one box."""
-    others = np.broadcast_to(other_axes, axes.shape)
-    crossed = np.cross(axes[:, :, :, None], others[:, :, None, :], axisa=1, axisb=1, axisc=1).reshape(len(axes), 3, 9)
+def _separation(between: Array, axes: Array, half: Array, other_axes: Array, other_half: Array) -> Array:
+    """(P,) largest gap over the 15 separating axes of pairs of boxes."""
+    crossed = np.cross(axes[:, :, :, None], other_axes[:, :, None, :], axisa=1, axisb=1, axisc=1)
+    crossed = crossed.reshape(len(axes), 3, 9)
     length = np.linalg.norm(crossed, axis=1, keepdims=True)
     usable = length > 1e-6
-    crossed = np.where(usable, crossed / np.where(usable, length, 1.0), others[:, :, :1])
-    candidates = np.concatenate([axes, others, crossed], axis=2)
-    apart = np.abs(np.einsum("kia,ki->ka", candidates, other_centre - centres))
-    reach = np.einsum("kab,b->ka", np.abs(np.einsum("kia,kib->kab", candidates, axes)), half)
-    other_reach = np.einsum("kab,b->ka", np.abs(np.einsum("kia,ib->kab", candidates, other_axes)), other_half)
-    return (apart - reach - other_reach).max(axis=1)
+    crossed = np.where(usable, crossed / np.where(usable, length, 1.0), other_axes[:, :, :1])
+    candidates = np.concatenate([axes, other_axes, crossed], axis=2)
+    apart = np.abs(np.einsum("pia,pi->pa", candidates, between))
+    reach = np.einsum("pab,pb->pa", np.abs(np.einsum("pia,pib->pab", candidates, axes)), half)
+    other_reach = np.einsum("pab,pb->pa", np.abs(np.einsum("pia,pib->pab", candidates, other_axes)), other_half)
+    return np.asarray((apart - reach - other_reach).max(axis=1))

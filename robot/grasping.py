@@ -10,16 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from robot.arm import joint_vector
 from robot.clearance import boxes_clearance, points_clearance, swept_back
 from robot.errors import UnreachableError
-from robot.grasp_opening import copies_in_part
-from robot.grasps import GraspChoice, GraspParameters, GraspPlan, OpenedGrasp, Piece
+from robot.grasps import GraspChoice, GraspParameters, GraspPlan, OpenedGrasp, Piece, Rest
 from robot.gripper_geometry import Boxes, GripperGeometry
 from robot.kinematics import ArmKinematics
-from robot.trajectory import cartesian_line
+from robot.trajectory import cartesian_line, cartesian_path
+from vision.frozen import frozen_arrays
 
 Array = NDArray[np.float64]
 
@@ -27,13 +27,16 @@ DEFAULT_PARAMETERS = GraspParameters()
 _POINT_SPACING_M = 0.0025
 _COLUMNS = 24  # across a piece, to find what lies upon it
 _COVERED_COST = 4.0  # of a wholly covered piece, where each virtue counts up to one
+_DESCENT_STEP_M = 0.005  # between two looks at the gripper on its way down to the straight approach
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class _Candidate:
     piece: int
     grasp: OpenedGrasp
-    T_world_tcp: RigidTransform
+    rotation: Array  # (3, 3) of T_world_tcp
+    translation: Array  # (3,)
     clearance_m: float  # from the environment alone until `checked`, then from the other pieces too
     tilt_rad: float
     merit: float  # what the clearance has no part in
@@ -50,24 +53,25 @@ def plan_grasp(
     environment: Boxes,
     seed_q: ArrayLike,
     parameters: GraspParameters = DEFAULT_PARAMETERS,
-    usable: Callable[[GraspPlan], bool] = lambda _: True,
-) -> GraspChoice:
+    finish: Callable[[GraspPlan], Rest | None] | None = None,
+) -> GraspChoice[Rest]:
     """Choose the piece and the grasp that forgive most, among those that the arm can reach.
 
     Args:
         kinematics: the arm.
         gripper: the shape of the gripper.
         pieces: all localised pieces; each may be taken, the others are in the way.
-        environment: bin walls, floor and the like in the world frame.
+        environment: bin walls, floor and the like in the world frame, open at the top.
         seed_q: (6,) where the arm is, in rad.
         parameters: what counts as good.
-        usable: whether the rest of the task can be done with a plan; if not, the next best one is tried.
+        finish: plans the rest of the task with a plan; where that gives None, the next best grasp is tried. Without
+            it any plan will do.
 
     Returns:
-        The plan, or None with the reasons.
+        The plan and the rest, or None with the reasons.
     """
     seed = joint_vector(seed_q)
-    rejected: Counter[str] = Counter()
+    rejected: list[Counter[str]] = [Counter() for _ in pieces]
     clouds = [_thinned(piece.points_world) for piece in pieces]
     obstacles = [
         np.concatenate([np.zeros((0, 3)), *(cloud for i, cloud in enumerate(clouds) if i != index)])
@@ -77,20 +81,32 @@ def plan_grasp(
         candidate
         for index, piece in enumerate(pieces)
         for candidate in _candidates(
-            index, piece, covered_share(clouds[index], obstacles[index]), gripper, environment, parameters, rejected
+            index,
+            piece,
+            covered_share(clouds[index], obstacles[index]),
+            gripper,
+            environment,
+            parameters,
+            rejected[index],
         )
     ]
-    tries = 0
-    for candidate in _best_first(candidates, gripper, obstacles, parameters, rejected):
-        if tries == parameters.max_tries:
-            rejected["not tried"] += 1
+    tries = [0] * len(pieces)
+    for candidate in _best_first(candidates, gripper, clouds, obstacles, parameters, rejected):
+        why = rejected[candidate.piece]
+        if tries[candidate.piece] == parameters.max_tries:
+            why["not tried"] += 1
             continue
-        tries += 1
-        plan = _reach(candidate, kinematics, gripper, seed, parameters)
-        if plan is not None and usable(plan):
-            return GraspChoice(plan, +rejected)
-        rejected["out of reach" if plan is None else "of no use"] += 1
-    return GraspChoice(None, +rejected)
+        tries[candidate.piece] += 1
+        T_world_part = pieces[candidate.piece].T_world_part
+        plan = _reach(candidate, T_world_part, kinematics, gripper, seed, parameters)
+        if plan is None:
+            why["out of reach"] += 1
+            continue
+        rest = None if finish is None else finish(plan)
+        if finish is None or rest is not None:
+            return GraspChoice(plan, rest, tuple(+counter for counter in rejected))
+        why["of no use"] += 1
+    return GraspChoice(None, None, tuple(+counter for counter in rejected))
 
 
 def covered_share(points: Array, others: Array) -> float:
@@ -131,14 +147,15 @@ def _candidates(
     if covered > parameters.max_covered:
         rejected["under other pieces"] += len(piece.grasps)
         return
+    turn, origin = piece.T_world_part.rotation.as_matrix(), piece.T_world_part.translation
     for opened in piece.grasps:
-        poses = piece.T_world_part * copies_in_part(opened.grasp)
-        rotations, translations = poses.rotation.as_matrix(), np.asarray(poses.translation)
+        rotations, translations = turn @ opened.rotations, opened.translations @ turn.T + origin
         tilts = np.arccos(np.clip(-rotations[:, 2, 2], -1.0, 1.0))
         upright = np.flatnonzero(tilts <= parameters.max_tilt_rad)
         rejected["too tilted"] += len(tilts) - len(upright)
-        tool = swept_back(_closing(gripper, opened), parameters.approach_m)
-        clearances = boxes_clearance(tool, rotations[upright], translations[upright], environment)
+        tool = swept_back(_closing(gripper, opened), opened.approach_m)
+        good = parameters.good_clearance_m
+        clearances = boxes_clearance(tool, rotations[upright], translations[upright], environment, good)
         forgiven = min(opened.clearance_m / parameters.good_opening_m, 1.0)
         for number, clearance in zip(upright, clearances, strict=True):
             if clearance < parameters.min_clearance_m:
@@ -146,16 +163,16 @@ def _candidates(
                 continue
             tilt = float(tilts[number])
             merit = piece.confidence + forgiven - tilt / parameters.max_tilt_rad - _COVERED_COST * covered
-            room = min(float(clearance), parameters.good_clearance_m)
-            yield _Candidate(index, opened, poses[int(number)], room, tilt, merit)
+            yield _Candidate(index, opened, rotations[number], translations[number], float(clearance), tilt, merit)
 
 
 def _best_first(
     candidates: Sequence[_Candidate],
     gripper: GripperGeometry,
+    clouds: Sequence[Array],
     obstacles: Sequence[Array],
     parameters: GraspParameters,
-    rejected: Counter[str],
+    rejected: Sequence[Counter[str]],
 ) -> Iterator[_Candidate]:
     """The candidates that also miss the other pieces, best first.
 
@@ -170,24 +187,41 @@ def _best_first(
         if candidate.checked:
             yield candidate
             continue
+        piece = candidate.piece
         clearance = min(
-            candidate.clearance_m, _from_pieces(candidate, gripper, obstacles[candidate.piece], parameters)
+            candidate.clearance_m, _from_pieces(candidate, gripper, clouds[piece], obstacles[piece], parameters)
         )
         if clearance < parameters.min_clearance_m:
-            rejected["collision"] += 1
+            rejected[piece]["collision"] += 1
             continue
         checked = replace(candidate, clearance_m=clearance, checked=True)
         heapq.heappush(queue, (-checked.score(parameters), next(number), checked))
 
 
 def _from_pieces(
-    candidate: _Candidate, gripper: GripperGeometry, obstacles: Array, parameters: GraspParameters
+    candidate: _Candidate, gripper: GripperGeometry, own: Array, others: Array, parameters: GraspParameters
 ) -> float:
-    """Clearance from the other pieces over the straight approach, cut at the good one."""
-    tool = swept_back(_closing(gripper, candidate.grasp), parameters.approach_m)
-    matrix = candidate.T_world_tcp.as_matrix()
-    found = points_clearance(tool, matrix[None, :3, :3], matrix[None, :3, 3], obstacles, parameters.good_clearance_m)
-    return float(found[0])
+    """Clearance from the other pieces over the straight approach, and from all pieces on the way down to it.
+
+    Cut at the good one. The way down is looked at step by step.
+    """
+    closing, good = _closing(gripper, candidate.grasp), parameters.good_clearance_m
+    turn, place = candidate.rotation, candidate.translation
+    tool = swept_back(closing, candidate.grasp.approach_m)
+    near = float(points_clearance(tool, turn[None], place[None], others, good)[0])
+    if near < parameters.min_clearance_m:
+        return near
+    start = place - candidate.grasp.approach_m * turn[:, 2]
+    every = np.concatenate([own, others])
+    halves = np.abs(closing.rotations.transpose(0, 2, 1) @ turn[2] * closing.half_sizes).sum(axis=1)
+    lowest = float((closing.centres @ turn[2] - halves).min())
+    height = min(parameters.free_height_m - start[2], float(every[:, 2].max()) - (start[2] + lowest))
+    if height <= 0:
+        return near
+    rise = np.arange(_DESCENT_STEP_M, height + _DESCENT_STEP_M, _DESCENT_STEP_M)
+    places = start + rise[:, None] * [0.0, 0.0, 1.0]
+    turns = np.broadcast_to(turn, (len(places), 3, 3))
+    return min(near, float(points_clearance(closing, turns, places, every, good).min()))
 
 
 def _closing(gripper: GripperGeometry, opened: OpenedGrasp) -> Boxes:
@@ -206,24 +240,29 @@ def _thinned(points: Array) -> Array:
 
 def _reach(
     candidate: _Candidate,
+    T_world_part: RigidTransform,
     kinematics: ArmKinematics,
     gripper: GripperGeometry,
     seed: Array,
     parameters: GraspParameters,
 ) -> GraspPlan | None:
     """The motions of a candidate; None when the arm cannot do them."""
-    tcp, tool = candidate.T_world_tcp, gripper.T_flange_tcp
-    pregrasp = tcp * RigidTransform.from_translation([0.0, 0.0, -parameters.approach_m])
+    tcp = RigidTransform.from_components(candidate.translation, Rotation.from_matrix(candidate.rotation))
+    tool = gripper.T_flange_tcp
+    via = tcp * RigidTransform.from_translation([0.0, 0.0, -candidate.grasp.approach_m])
+    descent = max(parameters.free_height_m - float(via.translation[2]), 0.0)
+    pregrasp = RigidTransform.from_translation([0.0, 0.0, descent]) * via
     lifted = RigidTransform.from_translation([0.0, 0.0, parameters.lift_m]) * tcp
     slow, loaded = (kinematics.limits.scaled(s) for s in (parameters.approach_speed, parameters.lift_speed))
     try:
-        approach = cartesian_line(kinematics, pregrasp, tcp, seed, T_flange_tool=tool, limits=slow)
+        approach = cartesian_path(kinematics, (pregrasp, via, tcp), seed, T_flange_tool=tool, limits=slow)
         lift = cartesian_line(kinematics, tcp, lifted, approach.q[-1], T_flange_tool=tool, limits=loaded)
     except UnreachableError:
         return None
     return GraspPlan(
         candidate.piece,
         candidate.grasp,
+        tcp.inv() * T_world_part,
         tcp,
         pregrasp,
         lifted,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +16,11 @@ from vision.frozen import frozen_arrays
 from vision.model.grasp import GraspCoordinates
 
 Array = NDArray[np.float64]
+Rest = TypeVar("Rest")
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class OpenedGrasp:
     """A taught grasp with a gap between the fingers that lets them pass the part on the way to it.
 
@@ -25,12 +29,18 @@ class OpenedGrasp:
         open_width_m: the fingers' gap on the way.
         closed_width_m: the fingers' gap when they touch.
         clearance_m: distance of the gripper from the part itself over the approach: the error it forgives.
+        approach_m: length of the straight approach along the tool's axis, over which the fingers reach the part.
+        rotations: (K, 3, 3) of T_part_tcp of all copies, see ``robot.grasp_opening.copies_in_part``.
+        translations: (K, 3) of the same in m.
     """
 
     grasp: GraspCoordinates
     open_width_m: float
     closed_width_m: float
     clearance_m: float
+    approach_m: float
+    rotations: Array
+    translations: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,28 +75,29 @@ class GraspParameters:
     """What counts as a good grasp.
 
     Attributes:
-        approach_m: length of the straight approach along the tool's axis.
+        free_height_m: where the tool centre point is this high (world z), the arm moves freely: the approach begins
+            there, straight down, and turns to the tool's axis where the fingers reach the part.
         lift_m: height of the straight lift along the world's z axis.
         min_clearance_m: smallest distance from everything but the piece itself.
         good_clearance_m: more distance than this is worth nothing.
         good_opening_m: more distance from the piece itself than this is worth nothing.
         max_tilt_rad: largest angle between the approach and straight down.
         max_covered: largest share of the piece that other pieces may lie upon.
-        max_tries: how many of the best collision-free grasps are tried for reach.
+        max_tries: how many of the best collision-free grasps of a piece are tried for reach.
         approach_speed: of the arm's limits, for the straight approach.
         lift_speed: of the arm's limits, for the straight lift.
     """
 
-    approach_m: float = 0.10
+    free_height_m: float = 0.0
     lift_m: float = 0.15
     min_clearance_m: float = 0.0015
     good_clearance_m: float = 0.015
     good_opening_m: float = 0.003
-    max_tilt_rad: float = float(np.radians(45))
+    max_tilt_rad: float = float(np.radians(60))
     max_covered: float = 0.25
-    max_tries: int = 30
-    approach_speed: float = 0.5
-    lift_speed: float = 0.4
+    max_tries: int = 12
+    approach_speed: float = 0.7
+    lift_speed: float = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +107,7 @@ class GraspPlan:
     Attributes:
         piece: index of the piece to take.
         grasp: which of its grasps, and how wide to open for it.
+        T_tcp_part: the piece in the hand, as it will be held.
         T_world_tcp: the tool centre point when gripping.
         T_world_pregrasp: where the straight approach starts.
         T_world_lift: where the straight lift ends.
@@ -107,6 +119,7 @@ class GraspPlan:
 
     piece: int
     grasp: OpenedGrasp
+    T_tcp_part: RigidTransform
     T_world_tcp: RigidTransform
     T_world_pregrasp: RigidTransform
     T_world_lift: RigidTransform
@@ -132,13 +145,20 @@ class GraspPlan:
 
 
 @dataclass(frozen=True, eq=False)
-class GraspChoice:
+class GraspChoice(Generic[Rest]):
     """The outcome of planning.
 
     Attributes:
         plan: the best grasp, or None where there is none.
-        rejected: how many candidates fell for which reason.
+        rest: what is done with the piece once it is lifted, None where there is no plan.
+        rejected_by_piece: for every piece, how many of its candidates fell for which reason.
     """
 
     plan: GraspPlan | None
-    rejected: Mapping[str, int] = field(default_factory=dict)
+    rest: Rest | None
+    rejected_by_piece: tuple[Mapping[str, int], ...] = ()
+
+    @property
+    def rejected(self) -> dict[str, int]:
+        """How many candidates of all pieces fell for which reason."""
+        return dict(sum(map(Counter, self.rejected_by_piece), Counter()))

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from robot.arm import PUMA_761, JointLimits, find, joint_vector
+from robot.closed_form import SphericalWristArm
 from robot.errors import UnreachableError
 from vision.errors import InputError
 from vision.frozen import read_only
@@ -57,6 +58,7 @@ class ArmKinematics:
         self.limits = JointLimits.from_model(self._model)
         self._configuration = mink.Configuration(self._model)
         self._task = mink.FrameTask("flange", "site", position_cost=1.0, orientation_cost=1.0, lm_damping=1e-6)
+        self._closed_form = SphericalWristArm.of(self._model)
         self._bounds = [mink.ConfigurationLimit(self._model)]
 
     def forward(self, q: ArrayLike) -> RigidTransform:
@@ -68,6 +70,22 @@ class ArmKinematics:
         self._configuration.update(joint_vector(q))
         frame = self._configuration.get_transform_frame_to_world("flange", "site")
         return RigidTransform.from_components(frame.translation(), Rotation.from_matrix(frame.rotation().as_matrix()))
+
+    def jacobian(self, q: ArrayLike, T_flange_tool: RigidTransform) -> Array:
+        """(6, 6) from joint speeds to the velocity and angular velocity of a tool's origin in the world.
+
+        Args:
+            q: (6,) joint angles in rad.
+            T_flange_tool: the tool on the flange.
+
+        Raises:
+            InputError: when q is not six finite numbers.
+        """
+        point = (self.forward(q) * T_flange_tool).translation
+        linear, angular = np.zeros((3, 6)), np.zeros((3, 6))
+        body = int(self._model.site_bodyid[find(self._model, mujoco.mjtObj.mjOBJ_SITE, "flange")])
+        mujoco.mj_jac(self._model, self._configuration.data, linear, angular, point, body)
+        return np.vstack([linear, angular])
 
     def inverse(self, T_world_flange: RigidTransform, seed_q: ArrayLike = HOME_Q) -> Array:
         """Joint angles that take the flange to a pose, near a seed.
@@ -88,10 +106,10 @@ class ArmKinematics:
         if found:
             return found[0]
         position_m, angle_rad = self._closest_miss
+        missed = f", missed by {position_m * 1e3:.2f} mm and {np.degrees(angle_rad):.2f} deg"
         raise UnreachableError(
             "flange pose",
-            got=f"{T_world_flange.translation.round(3).tolist()} m, missed by {position_m * 1e3:.2f} mm and"
-            f" {np.degrees(angle_rad):.2f} deg",
+            got=f"{T_world_flange.translation.round(3).tolist()} m{missed if np.isfinite(position_m) else ''}",
             expected="a pose within the reach and the joint limits of the arm",
             do="Move the target nearer to the arm, or turn it about the approach axis.",
         )
@@ -100,6 +118,8 @@ class ArmKinematics:
         self, T_world_flange: RigidTransform, seed_q: ArrayLike = HOME_Q, *, first_if_near: bool = False
     ) -> list[Array]:
         """All distinct solutions found, nearest to the seed first; empty where the pose is out of reach.
+
+        In closed form for arms like the PUMA, by descent from many starts for others.
 
         Args:
             T_world_flange: the wanted pose.
@@ -112,8 +132,11 @@ class ArmKinematics:
         seed = joint_vector(seed_q)
         if not np.isfinite(T_world_flange.as_matrix()).all():
             raise InputError("flange pose", got=T_world_flange.translation.tolist(), expected="finite numbers")
-        self._task.set_target(mink.SE3.from_matrix(T_world_flange.as_matrix()))
         self._closest_miss = (np.inf, np.inf)
+        if self._closed_form is not None:
+            exact = [self._unwind(q, seed) for q in self._closed_form.solutions(T_world_flange, seed)]
+            return sorted((q for q in exact if self.limits.contain(q)), key=lambda q: float(np.linalg.norm(q - seed)))
+        self._task.set_target(mink.SE3.from_matrix(T_world_flange.as_matrix()))
         found: list[Array] = []
         for start in self._starts(T_world_flange, seed):
             q = self._descend(start)
@@ -163,9 +186,13 @@ class ArmKinematics:
                         yield angles
 
     def _unwind(self, q: Array, seed: Array) -> Array:
-        """Take whole turns off the joints that allow it, towards the seed."""
-        turned = q + 2 * np.pi * np.round((seed - q) / (2 * np.pi))
-        return np.where((turned >= self.limits.lower) & (turned <= self.limits.upper), turned, q)
+        """Add whole turns to bring each joint within its limits, as near to the seed as it can be."""
+        turns = np.round((seed - q) / (2 * np.pi))[:, None] + np.array([0.0, -1.0, 1.0])
+        turned = q[:, None] + 2 * np.pi * turns
+        within = (turned >= self.limits.lower[:, None]) & (turned <= self.limits.upper[:, None])
+        away = np.where(within, np.abs(turned - seed[:, None]), np.inf)
+        best = turned[np.arange(6), np.argmin(away, axis=1)]
+        return np.where(within.any(axis=1), best, q)
 
 
 def _load(model_or_path: Any) -> Any:

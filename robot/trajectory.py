@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,9 +20,11 @@ from vision.frozen import frozen_arrays
 
 Array = NDArray[np.float64]
 
-DEFAULT_DT_S = 0.004
+DEFAULT_DT_S = 0.002  # of the physics: a coarser staircase would shake the arm at every step
+CORNER_M = 0.015
 _LINE_STEP_M = 0.004
 _LINE_STEP_RAD = np.radians(1.0)
+_NO_STEP = 1e-6
 # Between two neighbouring poses of a line no joint may turn further: the branch changed or the wrist is singular.
 _MAX_JOINT_STEP_RAD = 0.15
 
@@ -54,6 +58,11 @@ class Trajectory:
     def duration_s(self) -> float:
         """Time from the first row to the last."""
         return (len(self.q) - 1) * self.dt_s
+
+    def commands(self) -> Iterator[tuple[Array, Array, Array]]:
+        """What to command in each time step: angles at its beginning, speeds at its end, accelerations over it."""
+        ends = np.vstack([self.qd[1:], np.zeros((1, 6))])
+        return zip(self.q, ends, (ends - self.qd) / self.dt_s, strict=True)
 
 
 def joint_trajectory(
@@ -110,23 +119,95 @@ def cartesian_line(
         InputError: when an argument is not finite.
         UnreachableError: when a pose on the line is out of reach, or the line meets a wrist singularity.
     """
+    return cartesian_path(
+        kinematics, (T_world_start, T_world_goal), seed_q, T_flange_tool=T_flange_tool, limits=limits, dt_s=dt_s
+    )
+
+
+def cartesian_path(
+    kinematics: ArmKinematics,
+    waypoints: Sequence[RigidTransform],
+    seed_q: ArrayLike,
+    *,
+    T_flange_tool: RigidTransform | None = None,
+    limits: JointLimits | None = None,
+    dt_s: float = DEFAULT_DT_S,
+) -> Trajectory:
+    """Straight lines of the tool's origin from waypoint to waypoint in one go, their corners cut a little.
+
+    Args:
+        kinematics: the arm.
+        waypoints: at least two poses of the tool in the world; corners are rounded by a parabola that begins and ends
+            `CORNER_M`, or half a line's length, from the waypoint.
+        seed_q: (6,) joint angles near (or at) the start, in rad.
+        T_flange_tool: the tool on the flange; the flange itself when None.
+        limits: what the joints may do; the arm's own when None.
+        dt_s: time step of the result in s.
+
+    Raises:
+        InputError: when an argument is not finite.
+        UnreachableError: when a pose on the way is out of reach, or the way meets a wrist singularity.
+    """
     limits = kinematics.limits if limits is None else limits
     T_tool_flange = RigidTransform.identity() if T_flange_tool is None else T_flange_tool.inv()
-    T_start_goal = T_world_start.inv() * T_world_goal
-    distance, angle = float(np.linalg.norm(T_start_goal.translation)), float(T_start_goal.rotation.magnitude())
-    steps = max(4, int(np.ceil(max(distance / _LINE_STEP_M, angle / _LINE_STEP_RAD))))
-    fractions = np.linspace(0.0, 1.0, steps + 1)
-    rows = _follow(kinematics, _line(T_world_start, T_world_goal, fractions), T_tool_flange, joint_vector(seed_q))
+    fractions, poses = _way(waypoints)
+    rows = _follow(kinematics, poses, T_tool_flange, joint_vector(seed_q))
     if np.abs(rows - rows[0]).max() < 1e-9:
         return Trajectory(rows[:1], np.zeros((1, 6)), dt_s)
     path = CubicSpline(fractions, rows)
-    along, speed = _rest_to_rest(np.zeros(1), np.ones(1), *_path_limits(path, limits), dt_s)
+    along, speed = _along(path, limits, dt_s)
     q = np.asarray(path(along[:, 0]))
     q[0], q[-1] = rows[0], rows[-1]
     return Trajectory(q, np.asarray(path(along[:, 0], 1)) * speed, dt_s)
 
 
-def _line(T_start: RigidTransform, T_goal: RigidTransform, fractions: Array) -> list[RigidTransform]:
+def _way(waypoints: Sequence[RigidTransform]) -> tuple[Array, list[RigidTransform]]:
+    """Closely spaced poses along the lines with rounded corners, and where each is between 0 and 1."""
+    start, poses = waypoints[0], list[RigidTransform]()
+    for number in range(1, len(waypoints) - 1):
+        here = waypoints[number]
+        before, after = (_towards(here, waypoints[number + step], CORNER_M) for step in (-1, 1))
+        poses += _line(start, before)[:-1] + _corner(before, here, after)[:-1]
+        start = after
+    poses += _line(start, waypoints[-1])
+    steps = np.array([_distance(one, other) for one, other in itertools.pairwise(poses)])
+    moved = np.concatenate([[True], steps > _NO_STEP])
+    along = np.concatenate([[0.0], np.cumsum(steps)])[moved]
+    return along / max(along[-1], _NO_STEP), [pose for pose, new in zip(poses, moved, strict=True) if new]
+
+
+def _towards(here: RigidTransform, there: RigidTransform, distance_m: float) -> RigidTransform:
+    """The pose on the line between two that lies so far from the first, at most half the way."""
+    length = float(np.linalg.norm(there.translation - here.translation))
+    share = 0.5 if length < 2 * distance_m else distance_m / length
+    return _between(here, there, np.array([share]))[0]
+
+
+def _distance(one: RigidTransform, other: RigidTransform) -> float:
+    """Between two poses, in steps of a line."""
+    angle = float((one.rotation.inv() * other.rotation).magnitude())
+    moved = float(np.linalg.norm(other.translation - one.translation))
+    return max(moved / _LINE_STEP_M, angle / _LINE_STEP_RAD)
+
+
+def _corner(before: RigidTransform, corner: RigidTransform, after: RigidTransform) -> list[RigidTransform]:
+    """A parabola that touches both lines."""
+    shares = np.linspace(0.0, 1.0, 2 + int(np.ceil(_distance(before, corner) + _distance(corner, after))))
+    turns = _between(before, after, shares)
+    a, b, c = (pose.translation for pose in (before, corner, after))
+    return [
+        RigidTransform.from_components((1 - s) ** 2 * a + 2 * s * (1 - s) * b + s**2 * c, turn.rotation)
+        for s, turn in zip(shares, turns, strict=True)
+    ]
+
+
+def _line(T_start: RigidTransform, T_goal: RigidTransform) -> list[RigidTransform]:
+    """Closely spaced poses from the start to the goal."""
+    steps = max(4, int(np.ceil(_distance(T_start, T_goal))))
+    return _between(T_start, T_goal, np.linspace(0.0, 1.0, steps + 1))
+
+
+def _between(T_start: RigidTransform, T_goal: RigidTransform, fractions: Array) -> list[RigidTransform]:
     turns = Slerp([0.0, 1.0], RigidTransform.concatenate([T_start, T_goal]).rotation)(fractions)
     points = T_start.translation + fractions[:, None] * (T_goal.translation - T_start.translation)
     return [RigidTransform.from_components(point, turn) for point, turn in zip(points, turns, strict=True)]
@@ -150,21 +231,33 @@ def _follow(
     return np.array(rows)
 
 
-def _path_limits(path: CubicSpline, limits: JointLimits) -> tuple[Array, Array, Array]:
-    """Limits of the fraction s along q(s) that keep every joint within its own.
+def _along(path: CubicSpline, limits: JointLimits, dt_s: float) -> tuple[Array, Array]:
+    """The fraction s (N, 1) along q(s) and its speed at every time step, as fast as every joint's limits allow.
 
-    By the chain rule q'' gets two terms and q''' three; each is given its equal share of the limit.
+    What a straight path in joint space would allow is slowed down by what the bends add: a motion that takes k times
+    as long has k times smaller speeds, k² times smaller accelerations and k³ times smaller jerks.
     """
-    s = np.linspace(0.0, 1.0, 4 * len(path.x))
-    first, second, third = (np.abs(path(s, order)).max(axis=0) + 1e-12 for order in (1, 2, 3))
-    velocity = min(
-        (limits.velocity / first).min(),
-        np.sqrt(limits.acceleration / 2 / second).min(),
-        np.cbrt(limits.jerk / 3 / third).min(),
-    )
-    acceleration = min((limits.acceleration / 2 / first).min(), (limits.jerk / 9 / (second * velocity)).min())
-    jerk = (limits.jerk / 3 / first).min()
-    return np.array([velocity]), np.array([acceleration]), np.array([jerk])
+    first = np.abs(path(np.linspace(0.0, 1.0, 4 * len(path.x)), 1)).max(axis=0) + 1e-12
+
+    def timed(slower: float) -> tuple[Array, Array]:
+        velocity, acceleration, jerk = (
+            np.array([(limit / first).min() / slower**power])
+            for power, limit in enumerate((limits.velocity, limits.acceleration, limits.jerk), start=1)
+        )
+        return _rest_to_rest(np.zeros(1), np.ones(1), velocity, acceleration, jerk, dt_s)
+
+    return timed(_excess(path, timed(1.0)[0][:, 0], limits, dt_s))
+
+
+def _excess(path: CubicSpline, along: Array, limits: JointLimits, dt_s: float) -> float:
+    """By how much a motion along a path has to be slowed down to keep the limits; 1 where it keeps them."""
+    rates, slower = np.asarray(path(along)), 1.0
+    for power, limit in enumerate((limits.velocity, limits.acceleration, limits.jerk), start=1):
+        rates = np.diff(rates, axis=0) / dt_s
+        # The last step is a fraction of one.
+        if len(rates) > 2:
+            slower = max(slower, float((np.abs(rates[:-2]) / limit).max()) ** (1 / power))
+    return slower
 
 
 def _rest_to_rest(

@@ -46,9 +46,10 @@ BENCHMARK_ROOMS: dict[str, set[str]] = {
     "localizers": {"meshes", "world", "models"},
     "records": set(),
     "study": {"meshes", "world"},
-    "episodes": {"meshes", "world", "models", "localizers", "records", "study"},
-    "report": {"meshes", "world", "models", "localizers", "records", "study", "episodes"},
-    "lessons": {"meshes", "world", "localizers", "records", "episodes"},
+    "tasks": {"meshes", "world", "models"},
+    "episodes": {"meshes", "world", "models", "localizers", "records", "study", "tasks"},
+    "report": {"meshes", "world", "models", "localizers", "records", "study", "tasks", "episodes"},
+    "lessons": {"meshes", "world", "localizers", "records", "tasks", "episodes"},
     "detector": {"meshes", "world", "records", "report"},
 }
 """The same for `benchmark`; its commands, timing and tuning may import any room."""
@@ -175,6 +176,14 @@ def test_the_rules_of_the_rooms_have_no_circle(rules):
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_package_is_read(package):
     assert any(file.is_relative_to(ROOT / package) for file in FILES)
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "benchmark" / "tasks").glob("*.py")), ids=lambda path: path.stem)
+def test_a_task_never_asks_for_the_truth(path):
+    names = {
+        node.attr for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Attribute)
+    }
+    assert names.isdisjoint({"truth", "camera_truth", "peg_truth", "visibility", "xpos", "xquat", "xmat"})
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ OptionalPath = Annotated[Path | None, tyro.conf.arg(metavar="PATH", help_behavio
 PresetPieces = Annotated[str | None, tyro.conf.arg(metavar="N", help_behavior_hint=_PRESET)]
 Pieces = Annotated[str, tyro.conf.arg(metavar="N")]
 Name = Annotated[str, tyro.conf.arg(metavar="NAME")]
+Millimetres = Annotated[float | None, tyro.conf.arg(metavar="MM")]
 Number = Annotated[int, tyro.conf.arg(metavar="N")]
 Seconds = Annotated[float, tyro.conf.arg(metavar="SECONDS")]
 SweepDirectory = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]

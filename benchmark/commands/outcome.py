@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich import box
 from rich.table import Table
 
-from benchmark.records.episode_record import EpisodeRecord, LocalizerResult, PickRecord, PieceRecord
+from benchmark.records.episode_record import AttemptRecord, EpisodeRecord, LocalizerResult, PickRecord, PieceRecord
 from benchmark.report.grid import NOTHING
 
 
@@ -25,7 +25,9 @@ def outcome_table(record: EpisodeRecord) -> Table:
 
 def pick_lines(record: EpisodeRecord) -> list[str]:
     """A line for each pick, for false positives and for the time spent."""
-    lines = [_pick_line(pick) for pick in record.picks]
+    lines = [_pick_line(pick) for pick in record.picks] or [_attempt_line(attempt) for attempt in record.attempts]
+    if record.places and not record.picks:
+        lines.append(f"In the tray: {record.places.count('tray')} of {len(record.places)} pieces{_lost(record)}")
     if any(record.false_positives.values()):
         counts = ", ".join(f"{name} {count}" for name, count in record.false_positives.items())
         lines.append(f"Poses that belong to no piece: {counts}")
@@ -44,6 +46,20 @@ def _pick_line(pick: PickRecord) -> str:
     grasp = f" by {pick.grasp}" if pick.grasp else ""
     outcome = "succeeded" if pick.succeeded else f"failed at {pick.failed_stage or 'an unknown stage'}"
     return f"Pick of {target}{grasp}: {outcome}"
+
+
+def _attempt_line(attempt: AttemptRecord) -> str:
+    about = "" if attempt.piece is None else f" of piece {attempt.piece}"
+    how = f" by {attempt.grasp}" if attempt.grasp else ""
+    end = "succeeded" if attempt.succeeded else f"ended at {attempt.stage}: {attempt.cause}"
+    reasons = ", ".join(f"{reason} {count}" for reason, count in attempt.rejected.items())
+    seconds = sum(attempt.seconds.values())
+    return f"{attempt.goal}{about}{how}: {end}{f' ({reasons})' if reasons else ''}, {seconds:.1f} s simulated"
+
+
+def _lost(record: EpisodeRecord) -> str:
+    lost = record.places.count("lost")
+    return f", {lost} lost" if lost else ""
 
 
 def _result(piece: PieceRecord, method: str) -> str:

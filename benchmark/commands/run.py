@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from benchmark.commands.common import (
+    Millimetres,
     Name,
     Number,
     OptionalPath,
@@ -29,6 +30,7 @@ def run(
     task: Name = "pick",
     models: OptionalPath = None,
     rrd: OptionalPath = None,
+    clearance_mm: Millimetres = None,
 ) -> int:
     """Run one episode and print what became of each piece.
 
@@ -45,10 +47,11 @@ def run(
         sensor: what the camera adds to the image: ideal, lab or shopfloor.
         localizer: finds the poses: focal, focal-region, focal-group, paper, previous, oracle, or module:name.
         views: number of viewpoints, 2 or 3.
-        task: pick, or none to stop when the poses are found.
+        task: pick one piece, clear the bin, insert a peg into a bore, or none to stop when the poses are found.
         models: directory of taught models, each named after its part: pulley.json for pulley.obj. They come before
             the shipped ones.
         rrd: file for the rerun recording.
+        clearance_mm: between peg and bore, on the diameter, for --task insert; 0.5 when left out.
     """
     from benchmark.commands.outcome import outcome_table, pick_lines
     from benchmark.config import PRESETS, SweepConfig
@@ -66,6 +69,7 @@ def run(
         task,  # type: ignore[arg-type]
         models=None if models is None else str(models),
         most_pieces=most,
+        clearance_mm=clearance_mm,
     )
     config = sweep.episode(kinds[0], scene)
     if rrd is not None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmark.commands.common import (
+    Millimetres,
     Name,
     OptionalPath,
     PartNames,
@@ -45,6 +46,7 @@ def sweep(
     models: OptionalPath = None,
     out: OptionalPath = None,
     episode_limit: Seconds = 600,
+    clearance_mm: Millimetres = None,
 ) -> int:
     """Run many episodes and record each one in a directory.
 
@@ -69,7 +71,7 @@ def sweep(
         sensor: what the camera adds: ideal (nothing), lab (noise, blur, changing light), shopfloor (more, and dirt).
         localizer: finds the poses: focal, focal-region, focal-group, paper, previous, oracle, or module:name.
         views: number of viewpoints, 2 or 3.
-        task: pick, or none to stop when the poses are found.
+        task: pick one piece, clear the bin, insert a peg into a bore, or none to stop when the poses are found.
         workers: processes that run side by side, one for each core in the presets.
         seed: any whole number; the same seed gives the same results on the same machine.
         models: directory of taught models, each named after its part: pulley.json for pulley.obj. They come before
@@ -77,6 +79,7 @@ def sweep(
         out: directory for the records; results/PRESET when left out.
         episode_limit: after so long an episode is stopped, recorded as failed, and tried again when the sweep is
             resumed; 0 for no limit.
+        clearance_mm: between peg and bore, on the diameter, for --task insert; 0.5 when left out.
     """
     from rich.console import Console
 
@@ -101,6 +104,7 @@ def sweep(
         workers=workers,
         seed=seed,
         models=None if models is None else str(models),
+        clearance_mm=clearance_mm,
     )
     out = out or Path("results") / preset
     prepare_process()

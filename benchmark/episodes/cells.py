@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.config import EpisodeConfig
+from benchmark.tasks.bench import Viewpoints
+from benchmark.tasks.task import Looks
 from benchmark.world.cell import WorkCell
+from benchmark.world.fixtures import PegTool, peg_for
 from benchmark.world.parts import get_part
 from benchmark.world.scene import CellConfig, cell_config
 from benchmark.world.sensor import sensor_config
-from robot.viewpoints import Viewpoint, footprint, reachable_viewpoints, stations
+from robot.errors import UnreachableError
+from robot.viewpoints import footprint, reachable_viewpoints, stations
+from vision.errors import InputError
 from vision.geometry.workspace import Workspace
 
 Array = NDArray[np.float64]
-Viewpoints = list[Viewpoint]
+VIEWS_AGAIN = 3
+DEFAULT_CLEARANCE_MM = 0.5
+TILTS_AGAIN_RAD = tuple(float(np.radians(tilt)) for tilt in (45, 35, 25, 20))
 
 
 class CellPool:
@@ -34,7 +42,7 @@ class CellPool:
         self._configure = configure
         self._key: tuple[CellConfig, str] | None = None
         self._cell: WorkCell | None = None
-        self._viewpoints: dict[int, Viewpoints] = {}
+        self._viewpoints: dict[tuple[int, bool], Viewpoints] = {}
 
     def cell(self, config: EpisodeConfig) -> WorkCell:
         """The cell for an episode; it stays open until another kind of cell is asked for.
@@ -42,24 +50,56 @@ class CellPool:
         Raises:
             ResourceError: a mesh or a description is missing, or the machine cannot draw.
         """
-        key = (self._configure(config.parts, config.pieces), config.sensor)
+        sizes = self._configure(config.parts, config.pieces)
+        if config.task == "insert":
+            sizes = replace(sizes, peg=peg_of(config))
+        key = (sizes, config.sensor)
         if self._cell is None or key != self._key:
             self.close()
             self._cell, self._key = WorkCell(key[0], sensor_config(config.sensor)), key
         return self._cell
 
-    def viewpoints(self, config: EpisodeConfig) -> Viewpoints:
-        """Camera poses T_world_camera and joint angles (6,) in rad from which the episode's bin is photographed."""
+    def looks(self, config: EpisodeConfig) -> Looks:
+        """From where the episode's bin is photographed, at first and again."""
+        return Looks(lambda: self.viewpoints(config), lambda: self.viewpoints(config, again=True))
+
+    def viewpoints(self, config: EpisodeConfig, *, again: bool = False) -> Viewpoints:
+        """Camera poses T_world_camera and joint angles (6,) in rad from which the episode's bin is photographed.
+
+        Args:
+            config: the episode.
+            again: the steeper ones of a second look.
+        """
         cell = self.cell(config)
-        if config.views not in self._viewpoints:
-            self._viewpoints[config.views] = _viewpoints(cell, config.views)
-        return self._viewpoints[config.views]
+        key = config.views, again
+        if key not in self._viewpoints:
+            self._viewpoints[key] = (
+                _steeper(cell) if again else _viewpoints(cell, config.views, cell.config.view_tilt_rad)
+            )
+        return self._viewpoints[key]
 
     def close(self) -> None:
         """Give the cell's OpenGL context back."""
         if self._cell is not None:
             self._cell.close()
         self._cell, self._key, self._viewpoints = None, None, {}
+
+
+def clearance_m(config: EpisodeConfig) -> float:
+    """Diametral, between peg and bore."""
+    return 1e-3 * (DEFAULT_CLEARANCE_MM if config.clearance_mm is None else config.clearance_mm)
+
+
+def peg_of(config: EpisodeConfig) -> PegTool:
+    """The peg for the bore of the episode's part.
+
+    Raises:
+        InputError: several parts, or one without a bore.
+    """
+    bore = get_part(config.parts[0]).bore
+    if len(config.parts) != 1 or bore is None:
+        raise InputError("parts of an insertion", got=config.kind, expected="one part that has a bore")
+    return peg_for(bore, clearance_m(config))
 
 
 def workspace(config: CellConfig) -> Workspace:
@@ -76,7 +116,18 @@ def bin_stations(config: CellConfig) -> Array:
     return stations(config.bin_size_m, footprint(config.camera, config.camera_distance_m), overlap_m=largest)
 
 
-def _viewpoints(cell: WorkCell, count: int) -> Viewpoints:
+def _steeper(cell: WorkCell) -> Viewpoints:
+    """Viewpoints of a second look: tilted as far as the arm reaches, or those of the first look."""
+    for tilt in TILTS_AGAIN_RAD:
+        if tilt > cell.config.view_tilt_rad:
+            try:
+                return _viewpoints(cell, VIEWS_AGAIN, tilt)
+            except UnreachableError:
+                continue
+    return _viewpoints(cell, VIEWS_AGAIN, cell.config.view_tilt_rad)
+
+
+def _viewpoints(cell: WorkCell, count: int, tilt_rad: float) -> Viewpoints:
     config = cell.config
     target = np.array(config.bin_centre_m)
     target[2] += config.bin_wall_m / 3
@@ -89,6 +140,6 @@ def _viewpoints(cell: WorkCell, count: int) -> Viewpoints:
             target + np.array([x, y, 0.0]),
             config.camera_distance_m,
             count,
-            config.view_tilt_rad,
+            tilt_rad,
         )
     ]

@@ -1,40 +1,36 @@
-"""One episode: drop, look, localise, judge, pick.
+"""One episode: drop, do the task, judge.
 
 A seed determines it to the last bit where the stamp of the environment (``benchmark.records.environment``) is equal.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmark.config import EpisodeConfig
-from benchmark.episodes.cells import CellPool, Viewpoints, workspace
-from benchmark.episodes.evaluation import TruePiece, Verdict, judge
-from benchmark.episodes.picking import Picker, PickOutcome
+from benchmark.episodes.cells import CellPool, clearance_m, workspace
+from benchmark.episodes.evaluation import Verdict
+from benchmark.episodes.referee import Referee, pick_record
 from benchmark.localizers.oracle import Truth
-from benchmark.localizers.registry import make_localizer, with_single_extractor_answers
+from benchmark.localizers.registry import make_localizer
 from benchmark.models import load_model
 from benchmark.records.environment import environment_stamp
-from benchmark.records.episode_record import EpisodeRecord, PickRecord, vision_stage
+from benchmark.records.episode_record import AttemptRecord, EpisodeRecord
 from benchmark.study.taught_models import NothingTaught, taught_models
+from benchmark.tasks.bench import Workbench
+from benchmark.tasks.clock import Clock
+from benchmark.tasks.registry import make_task
 from benchmark.world import gl
 from benchmark.world.cell import WorkCell
-from benchmark.world.drop import DropResult, OnStep
 from benchmark.world.sensor import SensorConfig, calibration_error, sensor_config, with_hand_eye_error
+from benchmark.world.watch import StepWatch
 from vision.errors import InputError
-from vision.frozen import frozen_arrays
 from vision.geometry.camera import View
-from vision.localizer import PRESETS, Localization, Localizer
+from vision.localizer import Localization, Localizer
 from vision.pose.calibration import CalibrationError
 
-Array = NDArray[np.float64]
 CELLS = CellPool()
 """One cell stays open in every process that runs episodes."""
 
@@ -54,34 +50,8 @@ class EpisodeObserver:
     def localized(self, localization: Localization, verdict: Verdict) -> None:
         """The pictures were understood, and held against the truth."""
 
-    def picked(self, outcome: PickOutcome) -> None:
-        """A pick ended."""
-
-
-@dataclass
-class Stopwatch:
-    """Wall time by stage."""
-
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Add the time of a block to a stage."""
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
-
-
-@dataclass(frozen=True, eq=False)
-@frozen_arrays
-class _Sight:
-    """What was photographed, and the truth about it."""
-
-    views: tuple[View, ...]
-    true_views: tuple[View, ...]
-    visibility: Array
+    def attempted(self, attempt: AttemptRecord) -> None:
+        """An attempt of the robot's ended, and was held against the truth."""
 
 
 def run_episode(
@@ -102,36 +72,38 @@ def run_episode(
         InputError: an unknown part or localizer, or a variant without its models.
         ResourceError: something that the machine lacks.
     """
-    # Stepping one by one, for an observer's sake, costs more than the physics of a move.
     on_step = None if observer is None else observer.step
     observer = observer or EpisodeObserver()
-    watch = Stopwatch()
-    with watch.stage("total"):
+    clock = Clock()
+    with clock.stage("total"):
         cell = cells.cell(config)
         sensor = _sensor(config)
         observer.begin(cell, config)
         drop_rng, sensor_rng = np.random.default_rng(config.seed).spawn(2)
-        with watch.stage("drop"):
+        with clock.stage("drop"):
             dropped = cell.drop(drop_rng, on_step, sensor)
-        sight = _look(cell, cells.viewpoints(config), sensor_rng, watch, observer, on_step)
-        pieces = _true_pieces(cell, dropped, sight)
-        localizer, *others = _localizers(
-            config, study, lambda: [(p.part, p.T_world_part) for p in pieces], calibration_error(sensor)
+        referee = Referee(cell, dropped, config.models, observer.localized, observer.looked)
+        localizer, *compared = _localizers(config, study, referee.truth, calibration_error(sensor))
+        referee.judge_for(localizer, compared, clock)
+        clock.follow(lambda: float(cell.data.time))
+        watch = StepWatch(cell) if config.task not in ("none", "pick") else None
+        bench = Workbench(
+            cell,
+            localizer,
+            workspace(cell.config),
+            sensor_rng,
+            clock,
+            referee,
+            on_step,
+            config.models,
+            watch,
+            clearance_m(config),
         )
-        with watch.stage("vision"):
-            localization = localizer.localize(sight.views, workspace(cell.config))
-        if not set(PRESETS) & set(config.compared):
-            localization = with_single_extractor_answers(localizer, localization, sight.views, workspace(cell.config))
-        verdict = judge(localization, localizer.name, pieces, sight.true_views, config.models)
-        for other in others:
-            with watch.stage(vision_stage(other.name)):
-                answer = other.localize(sight.views, workspace(cell.config))
-            verdict = verdict.beside(judge(answer, other.name, pieces, sight.true_views, config.models))
-        observer.localized(localization, verdict)
-        picks: tuple[PickRecord, ...] = ()
-        if config.task == "pick":
-            with watch.stage("motion"):
-                picks = (_pick(cell, localization, verdict, observer, on_step, config.models),)
+        attempts = []
+        for attempt in make_task(config.task).run(bench, cells.looks(config)):
+            attempts.append(referee.attempted(attempt))
+            observer.attempted(attempts[-1])
+    verdict = referee.verdict or Verdict((), {}, ())
     return EpisodeRecord(
         key=config.key,
         parts=config.parts,
@@ -140,10 +112,12 @@ def run_episode(
         config_hash=config.config_hash,
         environment=environment_stamp(gl.drawn_by()),
         pieces=verdict.pieces,
-        picks=picks,
+        picks=tuple(map(pick_record, attempts)) if config.task == "pick" else (),
         false_positives=verdict.false_positives,
         false_probabilities=verdict.false_probabilities,
-        timings_s=watch.seconds,
+        timings_s=clock.wall_s,
+        attempts=tuple(attempts),
+        places=referee.places() if config.task != "none" else (),
     )
 
 
@@ -169,57 +143,3 @@ def _localizers(
     if not models:
         return [NothingTaught(name) for name in names]
     return [make_localizer(name, models, truth, calibration) for name in names]
-
-
-def _look(
-    cell: WorkCell,
-    viewpoints: Viewpoints,
-    rng: np.random.Generator,
-    watch: Stopwatch,
-    observer: EpisodeObserver,
-    on_step: OnStep | None,
-) -> _Sight:
-    """Photograph the bin from every viewpoint."""
-    views, true_views, visible = [], [], []
-    for index, viewpoint in enumerate(viewpoints):
-        with watch.stage("motion"):
-            cell.move_joints(viewpoint.q, on_step)
-        with watch.stage("render"):
-            view = cell.capture(rng, f"view {index + 1}")
-            seen = cell.visibility()
-            visible.append(np.where(seen.total_px > 0, seen.fraction, np.nan))
-        observer.looked(index, view)
-        views.append(view)
-        true_views.append(View(view.image, view.camera, cell.camera_truth(), view.name))
-    return _Sight(tuple(views), tuple(true_views), _mean_over_views(np.array(visible)))
-
-
-def _mean_over_views(visible: Array) -> Array:
-    """Mean visible share (N,) over the views (V, N) that show any of a piece's silhouette; 0 where none does."""
-    shown = np.isfinite(visible)
-    return np.asarray(np.where(shown, visible, 0.0).sum(axis=0) / np.maximum(shown.sum(axis=0), 1))
-
-
-def _true_pieces(cell: WorkCell, dropped: DropResult, sight: _Sight) -> list[TruePiece]:
-    return [
-        TruePiece(part, pose, float(seen), inside)
-        for part, pose, seen, inside in zip(
-            cell.config.piece_parts, cell.truth(), sight.visibility, dropped.in_bin, strict=True
-        )
-    ]
-
-
-def _pick(
-    cell: WorkCell,
-    localization: Localization,
-    verdict: Verdict,
-    observer: EpisodeObserver,
-    on_step: OnStep | None,
-    models: str | None,
-) -> PickRecord:
-    if not localization.estimates:
-        return PickRecord(attempted=False, piece=None, succeeded=False)
-    outcome = Picker(cell, on_step, models).pick(localization.estimates)
-    observer.picked(outcome)
-    owner = None if outcome.estimate is None else verdict.owner[outcome.estimate]
-    return PickRecord(True, owner, outcome.succeeded, outcome.failed_stage, outcome.grasp, dict(outcome.rejected))

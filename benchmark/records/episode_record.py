@@ -166,6 +166,51 @@ class PickRecord:
 
 
 @dataclass(frozen=True)
+class AttemptRecord:
+    """One attempt of the robot's.
+
+    Attributes:
+        goal: what was attempted, such as ``pick``.
+        piece: index of the piece, None when the estimate belongs to no piece or there was none.
+        succeeded: the piece ended up where it should.
+        stage: where the attempt ended, such as ``plan``, ``grip``, ``lift`` or ``place``; None on success.
+        cause: why, in a few words.
+        grasp: name of the grasp.
+        rejected: where no way was found, how many candidates fell for which reason.
+        seconds: simulated time in s by what the robot did, since the attempt before.
+        stray_force_n: largest force between the robot and a body that it was not to touch.
+        stray_body: that body.
+        touch_force_n: largest force between the robot and a piece.
+        penetration_mm: deepest contact of the robot.
+        speed_share: largest measured joint speed in free air over its limit.
+        acceleration_share: the same of the acceleration.
+        jerk_share: the same of the jerk.
+        tries: how often an insertion began.
+        wrist_n: largest force in N that the wrist felt during an insertion.
+        depth_mm: how deep the peg ended in the bore; None where it was not on its axis, or for other goals.
+    """
+
+    goal: str
+    piece: int | None
+    succeeded: bool
+    stage: str | None = None
+    cause: str = ""
+    grasp: str | None = None
+    rejected: dict[str, int] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    stray_force_n: float = 0.0
+    stray_body: str = ""
+    touch_force_n: float = 0.0
+    penetration_mm: float = 0.0
+    speed_share: float = 0.0
+    acceleration_share: float = 0.0
+    jerk_share: float = 0.0
+    tries: int = 1
+    wrist_n: float = 0.0
+    depth_mm: float | None = None
+
+
+@dataclass(frozen=True)
 class EpisodeRecord:
     """One finished episode.
 
@@ -183,6 +228,9 @@ class EpisodeRecord:
             empty too in a record that is older than this field.
         timings_s: wall time in seconds under the names in ``STAGES``, and ``vision_stage`` of what was compared.
         error: one line that says why the episode did not finish; None when it did.
+        attempts: of the task, in the order in which they were made; empty in a record that is older than this field.
+        places: where every piece was in the end: ``tray``, ``bin`` or ``lost``; empty where no task was done, or the
+            record is older than this field.
     """
 
     key: str
@@ -197,6 +245,8 @@ class EpisodeRecord:
     timings_s: dict[str, float] = field(default_factory=dict)
     error: str | None = None
     false_probabilities: dict[str, tuple[float, ...]] = field(default_factory=dict, metadata=MAY_BE_MISSING)
+    attempts: tuple[AttemptRecord, ...] = field(default=(), metadata=MAY_BE_MISSING)
+    places: tuple[str, ...] = field(default=(), metadata=MAY_BE_MISSING)
 
 
 def strip_timings(record: EpisodeRecord) -> EpisodeRecord:

@@ -14,10 +14,9 @@ from benchmark.config import EpisodeConfig
 from benchmark.episodes.cells import workspace
 from benchmark.episodes.episode import EpisodeObserver, run_episode
 from benchmark.episodes.evaluation import Verdict
-from benchmark.episodes.picking import PickOutcome
 from benchmark.localizers.registry import make_localizer
 from benchmark.models import load_model
-from benchmark.records.episode_record import EpisodeRecord, PieceRecord
+from benchmark.records.episode_record import AttemptRecord, EpisodeRecord, PieceRecord
 from benchmark.report.rerun_blueprint import (
     CHARTS,
     ERRORS,
@@ -153,9 +152,9 @@ class RerunLog(EpisodeObserver):
         self._recording.log(ERRORS, _markdown(errors_text(verdict)))
         self._log_charts(verdict.pieces)
 
-    def picked(self, outcome: PickOutcome) -> None:
-        """Note how the pick ended."""
-        self._next_stage("pick succeeded" if outcome.succeeded else f"pick failed at {outcome.failed_stage}")
+    def attempted(self, attempt: AttemptRecord) -> None:
+        """Note how an attempt ended."""
+        self._next_stage(f"{attempt.goal} {'succeeded' if attempt.succeeded else f'failed at {attempt.stage}'}")
 
     def finish(self, record: EpisodeRecord) -> None:
         """Log the motion, the outcome and the recording's properties."""

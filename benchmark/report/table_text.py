@@ -23,6 +23,7 @@ from benchmark.report.published import ROW_OF, PublishedErrors
 from benchmark.report.rate import Rate
 from benchmark.report.reliability import reliability_grid
 from benchmark.report.tables import EXTRACTORS, OF_THE_PAPER, STAGES, AccuracyRow, Table
+from benchmark.report.task_rows import task_grids
 
 ROW_TITLES = {"region": "region-match", "group": "group-match"}
 STAGE_TITLES = {
@@ -38,7 +39,7 @@ def grids(table: Table) -> list[Grid]:
     shown += [*margin_grids(table.margins), *recovered_grids(table.recovered)]
     if any(rate.n for rate in table.picks.values()):
         shown.append(_picks(table))
-    return [*shown, _counts(table)]
+    return [*shown, *task_grids(table.tasks), _counts(table)]
 
 
 def print_table(table: Table, console: Console) -> None:

@@ -18,6 +18,7 @@ from benchmark.report.published import FIGURE_10, ROW_OF, TABLE_1, PublishedErro
 from benchmark.report.rate import Rate
 from benchmark.report.recovered import Recovered, recovered
 from benchmark.report.reliability import ReliabilityRow, reliability
+from benchmark.report.task_rows import TaskRow, task_rows
 
 EXTRACTORS = ("focal-region", "focal-group")
 OF_THE_PAPER = ("previous", "paper")
@@ -129,6 +130,7 @@ class Table:
         recovered: what focal matched of what one extractor lost, for each part and visibility level.
         picks: success rate of attempted picks by part.
         counts: by part.
+        tasks: for each part and goal of the robot's attempts.
     """
 
     config_hash: str
@@ -143,6 +145,7 @@ class Table:
     recovered: tuple[Recovered, ...]
     picks: dict[str, Rate]
     counts: tuple[PartCount, ...]
+    tasks: tuple[TaskRow, ...] = ()
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -210,6 +213,7 @@ def build_table(config: SweepConfig, records: Sequence[EpisodeRecord], levels: S
         recovered=tuple(recovered(finished, part, level) for level in levels for part in parts),
         picks={part: _picks(finished, part) for part in parts},
         counts=tuple(_count(finished, part) for part in parts),
+        tasks=() if config.task == "pick" else task_rows(finished, parts),
     )
 
 
@@ -223,6 +227,7 @@ def to_dict(table: Table) -> dict[str, object]:
         "margins": [{**asdict(margin), "excludes_zero": margin.excludes_zero} for margin in table.margins],
         "recovered": [asdict(row) for row in table.recovered],
         "picks": [{"part": part, **asdict(rate)} for part, rate in table.picks.items()],
+        "tasks": [{**asdict(row), "kept": row.kept} for row in table.tasks],
         "accuracy": [_flat(row) for row in table.accuracy],
         "counts": [asdict(count) for count in table.counts],
         "episodes": {"planned": table.planned, "recorded": table.recorded, "failed": table.failed},

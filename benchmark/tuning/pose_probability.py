@@ -45,7 +45,7 @@ def pose_sample(scenes: Sequence[KnownScene]) -> PoseSample:
     """What the localizer finds in all scenes. The parts have a turn about their axis, known or not."""
     rows, is_right = [np.empty((0, 4))], []
     for scene in scenes:
-        estimates = scene.localize(MatchingParameters()).estimates
+        estimates = scene.localize(MatchingParameters(least_probability=0.0)).estimates
         right = {i for i, _ in assign_estimates(estimates, scene.pieces).pairs}
         for i, estimate in enumerate(estimates):
             rows.append(terms([estimate.score], [estimate.inplane_known], [estimate.shown or 0.0]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import mujoco
@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from benchmark.world import sensor as sensors
 from benchmark.world.drop import DropResult, OnStep, drop_pieces
+from benchmark.world.errors import PhysicsError
 from benchmark.world.rendering import CellRenderer, Visibility
 from benchmark.world.scene import CAMERA, CellConfig, build_model
 from benchmark.world.sensor import Appearance, SensorConfig
@@ -26,6 +27,7 @@ Array = NDArray[np.float64]
 
 ARM_PREFIX = "arm/"
 GRIPPER_PREFIX = "arm/gripper/"
+PEG_TIP = "arm/gripper/peg_tip"
 # Clear of the bin, of falling pieces and of the light.
 PARK_Q = read_only(np.radians([100.0, -110.0, 35.0, 0.0, 75.0, 0.0]))
 _ARM_REST_RAD_S = 2e-4
@@ -99,35 +101,57 @@ class WorkCell:
         self._episode_sensor = sensor
         self._hand_eye_error = sensors.sample_hand_eye_error(rng, sensor)
         self._renderer.apply(self._appearance)
-        with self._without_noslip():
+        with self._without_noslip(), self._sound():
             result = drop_pieces(self.model, self.data, self.config, rng, on_step)
         self._set_sleep(True)
         return result
 
     def step(self, steps: int = 1, on_step: OnStep | None = None) -> None:
-        """Let physics run for so many steps, with the controls as they are."""
-        if on_step is None:
-            mujoco.mj_step(self.model, self.data, steps)
-            return
-        for _ in range(steps):
-            mujoco.mj_step(self.model, self.data)
-            on_step()
+        """Let physics run for so many steps, with the controls as they are.
 
-    def follow(self, trajectory: Trajectory, on_step: OnStep | None = None) -> None:
-        """Drive the arm along a trajectory, then wait until it rests (at most half a second)."""
+        Raises:
+            PhysicsError: the simulation gave up or diverged.
+        """
+        with self._sound():
+            if on_step is None:
+                mujoco.mj_step(self.model, self.data, steps)
+                return
+            for _ in range(steps):
+                mujoco.mj_step(self.model, self.data)
+                on_step()
+
+    def follow(
+        self, trajectory: Trajectory, on_step: OnStep | None = None, until: Callable[[], bool] | None = None
+    ) -> bool:
+        """Drive the arm along a trajectory, then wait until it rests (at most half a second).
+
+        Args:
+            trajectory: from where the arm is.
+            on_step: called after every physics step.
+            until: asked after every time step of the trajectory; where it says yes, the arm stops at once.
+
+        Returns:
+            Whether the arm came to the end.
+        """
         steps = max(1, round(trajectory.dt_s / self.model.opt.timestep))
-        for q, qd in zip(trajectory.q, trajectory.qd, strict=True):
-            self.arm.command(q, qd)
+        arrived = True
+        for command in trajectory.commands():
+            self.arm.command(*command)
             self.step(steps, on_step)
+            if until is not None and until():
+                self.arm.command(self.arm.joint_positions)
+                arrived = False
+                break
         for _ in range(_SETTLE_ROUNDS):
             if np.abs(self.arm.joint_velocities).max() < _ARM_REST_RAD_S:
-                return
+                break
             self.step(_SETTLE_STEPS, on_step)
+        return arrived
 
     def move_joints(self, q: Array, on_step: OnStep | None = None) -> None:
         """Move the empty-handed arm to joint angles q (6,) in rad along a jerk-limited path, and let it settle."""
         with self._without_noslip():
-            self.follow(joint_trajectory(self.arm.joint_positions, q, self.arm.limits), on_step)
+            self.follow(joint_trajectory(self.arm.commanded_positions, q, self.arm.limits), on_step)
 
     def render(self) -> NDArray[np.uint8]:
         """What the wrist camera sees, uint8 (H, W, 3), before the sensor has its say."""
@@ -158,6 +182,17 @@ class WorkCell:
             for body in self._bodies
         ]
 
+    def peg_truth(self) -> RigidTransform:
+        """The true pose of the peg's tip in the world, z along the peg. For measuring.
+
+        Raises:
+            InputError: the cell has no peg.
+        """
+        if self.config.peg is None:
+            raise InputError("work cell", got="no peg", expected="one with a peg on the tool")
+        tip = self.data.site(PEG_TIP)
+        return RigidTransform.from_components(tip.xpos, Rotation.from_matrix(tip.xmat.reshape(3, 3)))
+
     def camera_truth(self) -> RigidTransform:
         """The true T_world_camera in OpenCV's axes. For measuring, never for localising."""
         return sensors.opencv_pose(self.data, self._camera_id)
@@ -169,6 +204,26 @@ class WorkCell:
     def overview(self, width_px: int = 1280, height_px: int = 960) -> NDArray[np.uint8]:
         """A picture of the whole cell for people, uint8 (height, width, 3)."""
         return self._renderer.overview(self.data, width_px, height_px)
+
+    @contextmanager
+    def _sound(self) -> Iterator[None]:
+        """Turn what MuJoCo gives up on, or silently starts over from, into an error that says so.
+
+        Raises:
+            PhysicsError: the simulation gave up or diverged.
+        """
+        before = self._resets()
+        try:
+            yield
+        except mujoco.FatalError as error:
+            raise PhysicsError("physics", got=f"MuJoCo's {error}", expected="a step that it can make") from error
+        if self._resets() > before:
+            raise PhysicsError("physics", got="numbers without bounds", expected="a motion that can be followed")
+
+    def _resets(self) -> int:
+        """How often MuJoCo found numbers without bounds and went back to the beginning."""
+        kinds = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+        return sum(int(self.data.warning[kind].number) for kind in kinds)
 
     def _set_sleep(self, enabled: bool) -> None:
         """Let pieces at rest sleep until something touches them; they neither creep nor cost time then."""

@@ -47,6 +47,10 @@ def _cover1() -> Grasps:
         *_wall("wall_back", 13.4, 15.0, -2.5, azimuth=0.0, copies=FREE_TURNS),
         *_radial("side", -9.0, -1.4, 0.0, opening="tangential", gap=30.0, copies=SIDE_TURNS),
         _grasp("boss_front", (0.0, 0.0, 5.1), FRONT, X, 16.0, "outside", FREE_TURNS),
+        *_leaning(
+            "lean", 8.0, -1.4, gap=30.0, front={30: FREE_TURNS, 60: FREE_TURNS}, back={30: FREE_TURNS, 60: FREE_TURNS}
+        ),
+        *_radial("rim", 10.5, -1.4, 0.0, opening="axial", gap=11.2, copies=SIDE_TURNS),
     )
 
 
@@ -62,30 +66,44 @@ def _cover2() -> Grasps:
         *_radial("side", -10.0, 1.5, 0.0, opening="tangential", gap=65.0, copies=FREE_TURNS),
         _grasp("boss_front", (0.0, 0.0, 10.3), FRONT, x, 30.0, "outside", 6),
         _grasp("boss_back", (0.0, 0.0, 3.0), BACK, x, 30.0, "outside", 6),
+        # From the back the fingers pass beside an ear, and reach no further towards the edge.
+        *_leaning("lean", 9.0, 2.0, gap=65.0, front={30: 6, 60: 6}, back={60: 3}),
+        *_radial("rim", 27.5, -3.0, between_ribs, opening="axial", gap=22.0, copies=6),
     )
 
 
 def _radial(name: str, radius: float, z: float, azimuth: float, *, opening: str, gap: float, copies: int) -> Grasps:
-    """Approach towards the axis, with the fingers opening along z or along the tangent; two ways round."""
+    """Approach towards the axis, with the fingers opening along z or along the tangent."""
     outward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     x = np.array([0.0, 0.0, 1.0]) if opening == "axial" else np.array([-outward[1], outward[0], 0.0])
     ends = radius * outward + np.array([0.0, 0.0, z])
-    return (
-        _grasp(name, ends, -outward, x, gap, "outside", copies),
-        _grasp(f"{name}_flipped", ends, -outward, -x, gap, "outside", copies),
-    )
+    return (_grasp(name, ends, -outward, x, gap, "outside", copies),)
+
+
+def _leaning(
+    name: str, beyond: float, z: float, *, gap: float, front: dict[int, int], back: dict[int, int]
+) -> Grasps:
+    """On two opposite sides of the outline, approaching between the radial and the axial direction.
+
+    The fingers' flat faces touch the outline along a line, whichever way they lean along it: so a piece that leans or
+    stands on edge can be taken from above. `front` and `back` give the copies by the angle in degrees from the radial
+    direction.
+    """
+    grasps = []
+    for face, side, leans in (("front", -1.0, front), ("back", 1.0, back)):
+        for lean, copies in leans.items():
+            approach = np.array([-np.cos(np.radians(lean)), 0.0, side * np.sin(np.radians(lean))])
+            ends = np.array([0.0, 0.0, z]) + beyond * approach
+            grasps.append(_grasp(f"{name}_{lean}_{face}", ends, approach, (0.0, 1.0, 0.0), gap, "outside", copies))
+    return tuple(grasps)
 
 
 def _wall(name: str, inner: float, outer: float, z: float, *, azimuth: float, copies: int) -> Grasps:
-    """One finger inside the open cup and one outside; two ways round."""
+    """One finger inside the open cup and one outside."""
     inner_contact = _chord(inner) / 2
     x = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     ends = (inner_contact + outer) / 2 * x + np.array([0.0, 0.0, z])
-    gap = outer - inner_contact
-    return (
-        _grasp(name, ends, BACK, x, gap, "outside", copies),
-        _grasp(f"{name}_flipped", ends, BACK, -x, gap, "outside", copies),
-    )
+    return (_grasp(name, ends, BACK, x, outer - inner_contact, "outside", copies),)
 
 
 def _chord(radius: float) -> float:

@@ -14,6 +14,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from benchmark.world import gl
+from benchmark.world.fixtures import TIP_BELOW_TCP_M, PegTool, is_collar, round_collar
 from benchmark.world.part import Part
 from benchmark.world.parts import get_part
 from vision.errors import InputError, ResourceError
@@ -54,6 +55,7 @@ class CellConfig:
         view_tilt_rad: angle of a viewpoint's optical axis from the vertical.
         arm_xml: MJCF of the arm, with joints ``joint1`` .. ``joint6`` and a site ``flange``.
         gripper_xml: MJCF of the gripper, with a site ``tcp`` and a camera ``wrist_camera``.
+        peg: on the tool, for insertions; the bores of the pieces are then round enough for it.
     """
 
     part_names: tuple[str, ...]
@@ -64,12 +66,13 @@ class CellConfig:
     camera_distance_m: float
     view_tilt_rad: float = float(np.radians(15.0))
     bin_centre_m: tuple[float, float, float] = (0.75, 0.0, 0.10)
-    tray_centre_m: tuple[float, float, float] = (0.45, -0.60, 0.10)
+    tray_centre_m: tuple[float, float, float] = (0.40, -0.70, 0.10)
     focal_length_m: float = 0.016
     sensor_size_m: tuple[float, float] = (0.0048, 0.0036)
     resolution_px: tuple[int, int] = (640, 480)
     arm_xml: Path = SCENES / "puma761.xml"
     gripper_xml: Path = SCENES / "gripper.xml"
+    peg: PegTool | None = None
 
     def __post_init__(self) -> None:
         if not self.part_names or self.pieces < 1:
@@ -105,12 +108,12 @@ class _Sizes:
     view_tilt_rad: float
 
 
-# The covers are deep enough to stand on edge, where only a tilted view shows a face; over the hub's large bin the
-# arm reaches no greater tilt.
+# A tray has room for six pieces beside each other. The covers are deep enough to stand on edge, where only a tilted
+# view shows a face; over the hub's large bin the arm reaches no greater tilt.
 _SIZES = {
-    "hub": _Sizes((0.40, 0.54), 0.12, (0.50, 0.40), 1.9, float(np.radians(15.0))),
-    "cover2": _Sizes((0.157, 0.21), 0.05, (0.22, 0.22), 0.75, float(np.radians(25.0))),
-    "cover1": _Sizes((0.075, 0.10), 0.03, (0.16, 0.16), 0.40, float(np.radians(25.0))),
+    "hub": _Sizes((0.40, 0.54), 0.12, (0.84, 0.56), 1.9, float(np.radians(15.0))),
+    "cover2": _Sizes((0.157, 0.21), 0.05, (0.36, 0.24), 0.75, float(np.radians(25.0))),
+    "cover1": _Sizes((0.075, 0.10), 0.03, (0.20, 0.16), 0.40, float(np.radians(25.0))),
 }
 _LARGEST_DIAMETER_M = 0.32  # a bin for larger parts is out of the arm's reach
 
@@ -175,7 +178,10 @@ def build_scene(config: CellConfig) -> mjcf.RootElement:
     _add_box(root, "bin", config.bin_centre_m, config.bin_size_m, config.bin_wall_m)
     _add_box(root, "tray", config.tray_centre_m, config.tray_size_m, min(0.02, config.bin_wall_m / 2))
     _add_arm(root, config)
-    meshes = {name: _add_meshes(root, get_part(name)) for name in dict.fromkeys(config.part_names)}
+    meshes = {
+        name: _add_meshes(root, get_part(name), round_bore=config.peg is not None)
+        for name in dict.fromkeys(config.part_names)
+    }
     for number, name in enumerate(config.piece_parts):
         _add_piece(root, number, get_part(name), meshes[name])
     return root
@@ -197,7 +203,7 @@ def _set_options(root: mjcf.RootElement) -> None:
     root.option.cone = "elliptic"
     root.option.impratio = 10
     root.option.noslip_iterations = 3
-    root.size.memory = "64M"
+    root.size.memory = "512M"
     root.statistic.extent = 1.0
     root.statistic.center = (0.6, 0.0, 0.6)
     root.visual.map.znear = 0.05
@@ -303,7 +309,20 @@ def _add_arm(root: mjcf.RootElement, config: CellConfig) -> None:
     camera.focal = (config.focal_length_m, config.focal_length_m)
     camera.sensorsize = config.sensor_size_m
     camera.resolution = config.resolution_px
+    if config.peg is not None:
+        _add_peg(gripper, config.peg)
     root.attach(arm)
+
+
+def _add_peg(gripper: mjcf.RootElement, peg: PegTool) -> None:
+    """Fix the peg to the tool; it is taken from the changer after the look, so that the camera never sees it."""
+    tcp = gripper.find("site", "tcp")
+    gripper.asset.add("mesh", name="peg", vertex=peg.vertices.ravel(), inertia="convex")
+    body = gripper.find("body", "gripper_base").add("body", name="peg", pos=tcp.pos, gravcomp=1)
+    body.add("inertial", mass=0.1, pos=(0, 0, 0), diaginertia=(1e-4, 1e-4, 1e-4))
+    body.add("geom", name="peg", type="mesh", mesh="peg", group=COLLISION_GROUP, contype=2, conaffinity=1, mass=0,
+             priority=2, condim=4, friction=(0.2, 0.005, 0.0001), **_CONTACT)  # fmt: skip
+    body.add("site", name="peg_tip", pos=(0, 0, TIP_BELOW_TCP_M), size=(0.001,), group=4)
 
 
 def _load(path: Path, name: str) -> mjcf.RootElement:
@@ -316,8 +335,11 @@ def _load(path: Path, name: str) -> mjcf.RootElement:
     return model
 
 
-def _add_meshes(root: mjcf.RootElement, part: Part) -> list[str]:
-    """Declare a part's meshes; returns the names of the collision pieces."""
+def _add_meshes(root: mjcf.RootElement, part: Part, *, round_bore: bool) -> list[str]:
+    """Declare a part's meshes; returns the names of the collision pieces.
+
+    With a round bore finer sectors take the place of those around it.
+    """
     mesh = trimesh.load_mesh(part.visual_mesh, process=False)
     root.asset.add(
         "mesh",
@@ -329,9 +351,18 @@ def _add_meshes(root: mjcf.RootElement, part: Part) -> list[str]:
         inertia="shell",
     )
     names = []
+    coarse = []
     for number, path in enumerate(part.collision_meshes):
+        corners = np.asarray(trimesh.load_mesh(path, process=False).vertices) if round_bore else np.zeros((0, 3))
+        if round_bore and part.bore is not None and is_collar(corners, part.bore):
+            coarse.append(corners)
+            continue
         names.append(f"{part.name}_hull_{number}")
         root.asset.add("mesh", name=names[-1], file=str(path), inertia="convex")
+    if coarse and part.bore is not None:
+        for number, sector in enumerate(round_collar(coarse, part.bore)):
+            names.append(f"{part.name}_collar_{number}")
+            root.asset.add("mesh", name=names[-1], vertex=sector.vertices.ravel(), inertia="convex")
     return names
 
 

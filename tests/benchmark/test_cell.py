@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 from benchmark.world.cell import WorkCell
 from benchmark.world.drop import REST_SPEED_DIAMETERS_S, rim_speeds
+from benchmark.world.errors import PhysicsError
 from benchmark.world.parts import get_part, vertices
 from benchmark.world.scene import cell_config
 from benchmark.world.sensor import SENSORS
@@ -125,7 +126,9 @@ def test_view_knows_its_pose_up_to_the_calibration_error(cell: WorkCell, looking
     errors = [cell.camera_truth().inv() * cell.capture(rng).T_world_camera for _ in range(3)]
     lengths = [np.linalg.norm(error.translation) for error in errors]
     assert all(1e-5 < length < 2e-3 for length in lengths)
-    assert np.ptp([error.rotation.magnitude() for error in errors]) < 1e-9  # one mounting error per episode
+    turns = [error.rotation.magnitude() for error in errors]
+    assert 1e-4 < turns[0] < 1e-2  # the arm's own errors have no turn: this is the mounting's,
+    assert np.ptp(turns) < 1e-9  # one per episode
     assert np.ptp(lengths) > 1e-6  # one positioning error per view
     with WorkCell(cell.config, SENSORS["lab"]) as exact:
         exact.drop(rng)
@@ -141,10 +144,10 @@ def test_mask_of_a_piece_is_where_its_vertices_project_to(cell: WorkCell, lookin
     for pose, name, mask in zip(cell.truth(), cell.config.piece_parts, visibility.total_masks, strict=True):
         points = (cell.camera_truth().inv() * pose).apply(vertices(get_part(name)))
         pixels = cell.camera.project(points)
-        rows, columns = np.nonzero(mask)
+        rows, columns = np.nonzero(mask)  # a tip thinner than a pixel is not drawn
         for seen, projected, size in ((columns, pixels[:, 0], 640), (rows, pixels[:, 1], 480)):
-            assert seen.min() == pytest.approx(max(projected.min(), 0), abs=1.0)
-            assert seen.max() == pytest.approx(min(projected.max(), size - 1), abs=1.0)
+            assert seen.min() == pytest.approx(max(projected.min(), 0), abs=1.5)
+            assert seen.max() == pytest.approx(min(projected.max(), size - 1), abs=1.5)
 
 
 def test_visible_pixels_are_a_part_of_all_pixels(cell: WorkCell, looking: np.ndarray) -> None:
@@ -187,3 +190,18 @@ def test_a_picture_before_the_first_drop_is_refused() -> None:
         pytest.raises(InputError, match="drop"),
     ):
         cell.capture(np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("fault", ["gives up", "diverges"])
+def test_physics_that_cannot_go_on_says_so(cell: WorkCell, monkeypatch: pytest.MonkeyPatch, fault: str) -> None:
+    cell.drop(np.random.default_rng(1))
+    if fault == "gives up":
+
+        def give_up(*_: object) -> None:
+            raise mujoco.FatalError("mj_stackAlloc: out of memory")
+
+        monkeypatch.setattr(mujoco, "mj_step", give_up)
+    else:
+        cell.data.qvel[:] = 1e12
+    with pytest.raises(PhysicsError, match="physics: got"):
+        cell.step(3)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from benchmark.episodes.picking import Picker, PickOutcome, opened_grasps_of
+from benchmark.episodes.cells import workspace
+from benchmark.localizers.oracle import Oracle
 from benchmark.models import load_model
+from benchmark.tasks.bench import Workbench
+from benchmark.tasks.clock import Clock
+from benchmark.tasks.memory import Belief
+from benchmark.tasks.part_shape import opened_grasps_of
 from benchmark.world.cell import WorkCell
 from benchmark.world.grasps import grasps_of
 from benchmark.world.parts import PART_NAMES, get_part, vertices
@@ -40,6 +45,14 @@ def exactly(cell: WorkCell, *poses: RigidTransform) -> tuple[PoseEstimate, ...]:
     return tuple(PoseEstimate(part, pose, 1e-12 * np.eye(6), 1.0, "oracle", 0.0, 3, True) for pose in poses)
 
 
+def bench_of(cell: WorkCell, on_step: Callable[[], None] | None = None) -> Workbench:
+    return Workbench(cell, Oracle(tuple), workspace(cell.config), np.random.default_rng(0), Clock(), on_step=on_step)
+
+
+def believed(cell: WorkCell, *poses: RigidTransform) -> Belief:
+    return Belief().seen(exactly(cell, *poses), get_part(cell.config.part_names[0]).diameter_m)
+
+
 def robot_contacts(cell: WorkCell) -> set[str]:
     """Names of the bodies that arm and gripper touch."""
     pairs = cell.model.geom_bodyid[cell.data.contact.geom]
@@ -57,10 +70,13 @@ def test_a_piece_travels_from_the_bin_to_the_tray_and_nothing_else_is_touched(ce
     cell.drop(np.random.default_rng(4))
     look(cell)
     before, touched = cell.truth(), set[str]()
-    outcome = Picker(cell, lambda: touched.update(robot_contacts(cell))).pick(exactly(cell, *before))
-    assert outcome.succeeded
-    assert outcome.failed_stage is None
+    bench = bench_of(cell, lambda: touched.update(robot_contacts(cell)))
+    belief = believed(cell, *before)
+    outcome, after = bench.pick(belief, bench.plan(belief))
+    assert outcome.stage is None
+    assert (len(after.known), len(after.placed)) == (len(before) - 1, 1)
     # The estimates are in the order of the pieces.
+    assert outcome.estimate is not None
     assert touched == {f"piece_{outcome.estimate}"}
     assert robot_contacts(cell) == set()
     # Where it lies is asked of the simulator, not of the picker.
@@ -76,12 +92,12 @@ def test_a_piece_travels_from_the_bin_to_the_tray_and_nothing_else_is_touched(ce
 def test_every_place_in_the_bin_can_be_brought_to_the_tray(cell: WorkCell) -> None:
     look(cell)
     config, part = cell.config, get_part(cell.config.part_names[0])
-    picker, half_height = Picker(cell), float(vertices(part)[:, 2].max())
+    bench, half_height = bench_of(cell), float(vertices(part)[:, 2].max())
     room = np.maximum(np.array(config.bin_size_m) / 2 - 0.5 * part.diameter_m - 0.01, 0)
     for x, y in ((0, 0), (1, 1), (-1, 1), (1, -1), (-1, -1)):
         for turn in (Rotation.identity(), Rotation.from_euler("x", np.pi)):
             place = config.bin_centre_m + np.array([x * room[0], y * room[1], half_height])
-            choice = picker.plan(exactly(cell, RigidTransform.from_components(place, turn)))
+            choice = bench.plan(believed(cell, RigidTransform.from_components(place, turn)))
             assert choice.plan is not None, (x, y, choice.rejected)
 
 
@@ -90,11 +106,13 @@ def test_no_grasp_is_a_value(cell: WorkCell) -> None:
     look(cell)
     q = cell.arm.joint_positions
     sunk = RigidTransform.from_translation(np.array(cell.config.bin_centre_m) - [0, 0, 0.2])
-    picker = Picker(cell)
-    for estimates in ((), exactly(cell, sunk)):
-        outcome = picker.pick(estimates)
-        assert outcome == PickOutcome(None, False, "plan", None, picker.plan(estimates).rejected)
-        assert bool(outcome.rejected) == bool(estimates)
+    bench = bench_of(cell)
+    for poses, stage in (((), "localize"), ((sunk,), "plan")):
+        belief = believed(cell, *poses)
+        outcome, after = bench.pick(belief, bench.plan(belief))
+        assert (outcome.stage, outcome.estimate) == (stage, None)
+        assert bool(outcome.rejected) == bool(poses)
+        assert after is belief
     np.testing.assert_array_equal(cell.arm.joint_positions, q)
 
 

@@ -282,7 +282,7 @@ MUTATIONS: tuple[Mutation, ...] = (
         ),
         (
             "edges are not claimed, and what is behind a part is not hidden",
-            "            self.scene.claim(final.T_world_part.as_matrix(), contour, self.model)\n",
+            "            self.scene.claim(final.T_world_part.as_matrix(), contour, self.model, hiding=self.parameters.hiding)\n",
             "",
             f"{MATCHING}::test_a_part_that_was_found_claims_its_edges",
         ),
@@ -362,19 +362,25 @@ MUTATIONS: tuple[Mutation, ...] = (
     ),
     # The benchmark: nobody is told the truth, and nothing is counted that is not so.
     *_of(
-        "benchmark/episodes/episode.py",
+        "benchmark/world/cell.py",
         (
             "the true camera poses leak to the localizer",
-            "localization = localizer.localize(sight.views, workspace(cell.config))",
-            "localization = localizer.localize(sight.true_views, workspace(cell.config))",
+            "return View(image, self.camera, T_world_flange * self.T_flange_camera * self._hand_eye_error, name)",
+            "return View(image, self.camera, self.camera_truth(), name)",
             f"{EPISODE}::test_a_localizer_gets_what_the_robot_knows_and_is_judged_by_the_truth",
         ),
+    ),
+    *_of(
+        "benchmark/episodes/referee.py",
         (
             "judged by what the robot believes",
-            "judge(localization, localizer.name, pieces, sight.true_views, config.models)",
-            "judge(localization, localizer.name, pieces, sight.views, config.models)",
+            "View(view.image, view.camera, self._cell.camera_truth(), view.name)",
+            "view",
             f"{EPISODE}::test_a_localizer_gets_what_the_robot_knows_and_is_judged_by_the_truth",
         ),
+    ),
+    *_of(
+        "benchmark/episodes/episode.py",
         (
             "a study's calibration error is not applied",
             "return sensor if hand_eye_mm is None else with_hand_eye_error(sensor, hand_eye_mm / 1000)",

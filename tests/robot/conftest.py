@@ -41,8 +41,8 @@ class Cell:
         mujoco.mj_forward(self.model, self.data)
 
     def run(self, trajectory: Trajectory) -> None:
-        for q, qd in zip(trajectory.q, trajectory.qd, strict=True):
-            self.arm.command(q, qd)
+        for command in trajectory.commands():
+            self.arm.command(*command)
             self.wait(trajectory.dt_s)
 
     def site(self, name: str) -> RigidTransform:

@@ -52,6 +52,23 @@ def test_speed_feed_forward_removes_the_lag(make_cell: Any, kinematics: ArmKinem
     assert lag[True] < lag[False] / 5
 
 
+@pytest.mark.parametrize("goal", [OVER_THE_BIN, HIGH])
+def test_the_measured_motion_keeps_the_limits(make_cell: Any, kinematics: ArmKinematics, goal: np.ndarray) -> None:
+    """As seen by the joints themselves, step for step; the commands are those of every physics step."""
+    cell, limits = make_cell(), kinematics.limits
+    cell.arm.place(HOME_Q)
+    speeds = []
+    for command in joint_trajectory(HOME_Q, goal, limits).commands():
+        cell.arm.command(*command)
+        cell.wait(cell.model.opt.timestep)
+        speeds.append(cell.arm.joint_velocities)
+    rates = np.array(speeds)
+    for limit in (limits.velocity, limits.acceleration, limits.jerk):
+        share = np.abs(rates / limit).max()
+        assert 0.9 < share < 1.1
+        rates = np.diff(rates, axis=0) / cell.model.opt.timestep
+
+
 def test_joint_state_and_flange_agree_with_the_kinematics(make_cell: Any, kinematics: ArmKinematics) -> None:
     cell = make_cell()
     cell.arm.place(HIGH)

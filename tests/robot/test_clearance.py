@@ -67,6 +67,17 @@ def test_bound_is_never_above_the_distance_of_corners() -> None:
         assert bound <= points_clearance(UNIT, turns[0].as_matrix()[None], np.zeros((1, 3)), points)[0] + 1e-12
 
 
+def test_what_is_far_is_cut_and_what_is_near_is_the_same() -> None:
+    rng = np.random.default_rng(5)
+    tool = box_at(0.3, 0, 0).joined(box_at(-1, 0.2, 0, turn_deg=20))
+    obstacles = box_at(0, 0, -2).joined(box_at(3, 0, 0, turn_deg=30))
+    turns, places = Rotation.random(40, rng=rng).as_matrix(), rng.normal(size=(40, 3))
+    exact = boxes_clearance(tool, turns, places, obstacles)
+    assert (exact < 0.4).any()
+    assert (exact > 0.4).any()
+    np.testing.assert_allclose(boxes_clearance(tool, turns, places, obstacles, 0.4), np.minimum(exact, 0.4))
+
+
 def test_nothing_in_the_way() -> None:
     assert points_clearance(UNIT, HERE, np.zeros((1, 3)), np.zeros((0, 3)))[0] == np.inf
     assert boxes_clearance(UNIT, HERE, np.zeros((1, 3)), Boxes.of())[0] == np.inf

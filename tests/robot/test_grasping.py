@@ -125,16 +125,29 @@ def test_reasons(kinematics: ArmKinematics, geometry: GripperGeometry) -> None:
     assert plan_grasp(kinematics, geometry, [], BIN, HOME_Q).plan is None
 
 
+def test_a_piece_out_of_reach_takes_no_tries_from_the_others(
+    kinematics: ArmKinematics, geometry: GripperGeometry
+) -> None:
+    near = Piece(cover(0.75, 0).T_world_part, (OUTSIDE,), COVER, confidence=0.1)
+    choice = plan_grasp(
+        kinematics, geometry, [cover(2.5, 0, OUTSIDE), near], Boxes.of(), HOME_Q, GraspParameters(max_tries=2)
+    )
+    assert choice.plan is not None
+    assert choice.plan.piece == 1
+    assert choice.rejected_by_piece[0]["out of reach"] == 2
+
+
 def test_a_plan_of_no_use_gives_way_to_the_next(kinematics: ArmKinematics, geometry: GripperGeometry) -> None:
     offered: list[GraspPlan] = []
 
-    def only_the_third(plan: GraspPlan) -> bool:
+    def only_the_third(plan: GraspPlan) -> str | None:
         offered.append(plan)
-        return len(offered) == 3
+        return "carry it away" if len(offered) == 3 else None
 
     pieces = [cover(0.75, 0.0, OUTSIDE)]
-    choice = plan_grasp(kinematics, geometry, pieces, BIN, HOME_Q, usable=only_the_third)
+    choice = plan_grasp(kinematics, geometry, pieces, BIN, HOME_Q, finish=only_the_third)
     assert choice.plan is offered[2]
+    assert choice.rest == "carry it away"
     assert choice.rejected == {"of no use": 2}
     poses = {plan.T_world_tcp.as_matrix().round(9).tobytes() for plan in offered}
     assert len(poses) == 3
@@ -165,7 +178,25 @@ def test_tilted_piece_is_taken_along_its_axis(kinematics: ArmKinematics, geometr
     assert choice.plan is not None
     assert np.degrees(choice.plan.tilt_rad) == pytest.approx(25)
     retreat = choice.plan.T_world_pregrasp.translation - choice.plan.T_world_tcp.translation
-    np.testing.assert_allclose(retreat, 0.1 * turn.apply([0, 0, 1]), atol=1e-9)
+    np.testing.assert_allclose(retreat, choice.plan.grasp.approach_m * turn.apply([0, 0, 1]), atol=1e-9)
+    assert choice.plan.grasp.approach_m == pytest.approx(0.02 + 0.005 + 0.008)  # half the piece, the ends, and room
+
+
+def test_above_the_free_height_the_way_goes_straight_down(
+    kinematics: ArmKinematics, geometry: GripperGeometry
+) -> None:
+    turn, free = Rotation.from_euler("x", 25, degrees=True), GraspParameters(free_height_m=0.25)
+    plan = plan_grasp(kinematics, geometry, [cover(0.75, 0, OUTSIDE, turn=turn, z=0.16)], BIN, HOME_Q, free).plan
+    assert plan is not None
+    assert plan.T_world_pregrasp.translation[2] == pytest.approx(0.25)
+    places = [(kinematics.forward(q) * geometry.T_flange_tcp).translation for q in plan.approach.q[::50]]
+    axis = turn.apply([0, 0, 1])
+    off_axis = [np.linalg.norm(np.cross(place - plan.T_world_tcp.translation, axis)) for place in places]
+    aside = [np.hypot(*(place - plan.T_world_pregrasp.translation)[:2]) for place in places]
+    assert min(aside[0], off_axis[-1]) < 1e-4
+    assert max(map(min, zip(off_axis, aside, strict=True))) < 0.004  # the corner is cut by no more
+    assert plan.approach.qd[0] == pytest.approx(0)
+    assert np.abs(plan.approach.qd[len(plan.approach) // 2]).max() > 0.01  # no stop on the way
 
 
 def test_values_survive_pickling_and_refuse_nonsense() -> None:

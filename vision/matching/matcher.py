@@ -77,6 +77,8 @@ class Matcher:
     def match(self, features: Features, arcs: Sequence[Sequence[Arc]] = ()) -> list[PoseEstimate]:
         """All instances of the part that the features and the edges support, best first.
 
+        What is more likely wrong than right is not among them.
+
         Args:
             features: the extracted ellipses of every view.
             arcs: of every view, pieces of edges to fall back on; none by default.
@@ -102,7 +104,8 @@ class Matcher:
             pool = pool.joined(generator.from_arcs(arcs, self.workspace, table, known))
             least = self.parameters.minimum_scores[-1]
             accepted += self._accept(pool, least, features, generator, accepted)[0]
-        return sorted(accepted, key=lambda e: -e.score)
+        likely = [e for e in accepted if (e.probability or 0.0) >= self.parameters.least_probability]
+        return sorted(likely, key=lambda e: -e.score)
 
     def _untried(
         self, candidates: Candidates, tried: NDArray[np.intp], accepted: Sequence[PoseEstimate]
@@ -157,12 +160,16 @@ class Matcher:
         return accepted, pool
 
     def _stands(self, final: PoseEstimate, minimum_score: float, known: Sequence[PoseEstimate]) -> bool:
-        """Whether a refined pose is still supported, and has not run into a part that is known already.
+        """Whether a refined pose is still supported, and has run neither into a known part nor through the floor.
 
         Where nothing is known of the scene, an ellipse may be a circle too small and too near that one view shows.
         """
         if self.workspace is None and final.views == 1 < len(self.views):
             return False
+        if self.workspace is not None:
+            floor = self.workspace.low[2] - self.parameters.floor_slack * self.model.diameter_m
+            if self.circles.lowest(final.T_world_part.as_matrix()) < floor:
+                return False
         separation = self.parameters.minimum_separation * self.model.diameter_m
         origin = final.T_world_part.translation
         return final.score >= minimum_score and all(
