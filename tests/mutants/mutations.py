@@ -282,8 +282,8 @@ MUTATIONS: tuple[Mutation, ...] = (
         ),
         (
             "edges are not claimed, and what is behind a part is not hidden",
-            "            self.scene.claim(final.T_world_part.as_matrix(), contour, self.model, hiding=self.parameters.hiding)\n",
-            "",
+            "self.scene.claim(final.T_world_part.as_matrix(), contour, self.model, hiding=self.parameters.hiding)",
+            "pass",
             f"{MATCHING}::test_a_part_that_was_found_claims_its_edges",
         ),
         (
