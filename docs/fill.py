@@ -70,7 +70,7 @@ def table1_block(config: SweepConfig, table: Table) -> str:
     blocks = [
         f"{scope} (mean ± standard deviation over the matched pieces at least {_share(BARELY_VISIBLE)}\nvisible):",
         _untitled(_published(table)),
-        "Our localizer (`focal`), the paper's system (`paper`), its predecessor (`previous`), on the same pictures:",
+        "Our localizer (`focal`), the paper's system (`paper`) and its predecessor (`previous`):",
         _untitled(_focal(table)),
         "In brackets: 95 % Wilson interval. The records are in `results/table1`; `focalpick table results/table1` "
         "prints all of it.",
