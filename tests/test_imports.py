@@ -34,11 +34,12 @@ ROOMS: dict[str, set[str]] = {
     "paper": {"geometry", "edges", "regions", "grouping", "extraction", "model", "pose", "matching", "localizer"},
 }
 """What each room of `vision` may import besides itself and what anyone may: lower rooms come first."""
-BENCHMARK_ANYONE = {"config", "strict_json", "child_process", "seeds"}
+BENCHMARK_ANYONE = {"config", "strict_json", "child_process", "interrupts", "seeds"}
 BENCHMARK_ROOMS: dict[str, set[str]] = {
     "config": set(),
     "strict_json": set(),
-    "child_process": set(),
+    "child_process": {"interrupts"},
+    "interrupts": set(),
     "seeds": set(),
     "meshes": set(),
     "world": {"meshes"},

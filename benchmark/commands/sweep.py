@@ -22,6 +22,7 @@ from benchmark.commands.common import (
     print_line,
     split_parts,
 )
+from benchmark.interrupts import ended_in_order
 from vision.errors import InputError
 
 if TYPE_CHECKING:
@@ -110,7 +111,9 @@ def sweep(
     prepare_process()
     for name in (config.localizer, *config.compared):
         check_localizer(name, config.part_names, config.models)
-    with SweepProgress(config.workers) as progress:
+    import benchmark.episodes.episode  # noqa: F401  # loads the simulator, while Ctrl-C still ends that at once
+
+    with ended_in_order(), SweepProgress(config.workers) as progress:
         records = _run(config, out, progress, episode_limit or None)
     Console(stderr=True).print(timing_table(records))
     for record in records:

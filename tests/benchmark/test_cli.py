@@ -378,12 +378,14 @@ def test_ctrl_c_ends_the_program_even_where_an_import_swallows_it(tmp_path):
         "def command():\n"
         "    print('ran')\n"
     )
-    program = (
-        "import sys; from benchmark import cli; cli.COMMANDS['x'] = 'swallowing:command'; sys.exit(cli.main(['x']))"
-    )
+    program = "import sys; from benchmark import cli; cli.COMMANDS['x'] = 'swallowing:command'; sys.exit(cli.main())"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
     with subprocess.Popen(
-        [sys.executable, "-c", program], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", program, "x"],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         assert process.stdout.readline() == "importing\n"
         process.send_signal(signal.SIGINT)
