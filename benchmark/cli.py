@@ -22,8 +22,8 @@ from benchmark.localizers.errors import LocalizerError
 from vision.errors import FocalpickError, InputError
 
 DESCRIPTION = """A benchmark of bin picking with round parts. A simulated robot drops parts into a bin, photographs
-them with the camera on its wrist, finds the circles on them and so their poses, and picks them. The vision system is
-that of Y. Motai, Salient feature extraction of industrial objects for an automated assembly system."""
+them with the camera on its wrist, works out their poses from the circles on them, and picks them. The vision system
+is that of Y. Motai, Salient feature extraction of industrial objects for an automated assembly system."""
 
 COMMANDS = {
     "doctor": "benchmark.commands.doctor:doctor",
@@ -98,6 +98,11 @@ def _dispatch(arguments: Sequence[str]) -> int:
 
 
 def _run(name: str, arguments: Sequence[str]) -> int:
+    for before, argument in itertools.pairwise(["", *arguments]):
+        if not argument or (argument.startswith("--") and argument.endswith("=")):
+            # For a path, nothing would be the working directory.
+            where = argument.rstrip("=") or before or "the command"
+            raise InputError(f"argument after {where}", got="an empty text", expected="a name, a path or a number")
     command = _load(name)
     description = inspect.cleandoc(command.__doc__ or "").partition("\nArgs:")[0]
     return _parse(command, f"focalpick {name}", description, arguments)()

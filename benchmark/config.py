@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Literal, get_args
 
 from benchmark.seeds import SCENES
-from benchmark.strict_json import MAY_BE_MISSING
+from benchmark.strict_json import LARGEST_INT, MAY_BE_MISSING
 from vision.errors import InputError
 
 Task = Literal["pick", "clear", "insert", "none"]
@@ -36,6 +36,7 @@ VIEWS = (2, 3)
 MOST_PIECES = 12
 MOST_CLEARANCE_MM = 5.0
 MOST_SCENES = 100_000
+MOST_EPISODES = 1_000_000
 MOST_WORKERS = 1024
 TAUGHT_VIEWS = (2, 5)
 
@@ -187,9 +188,10 @@ class SweepConfig:
                 expected="different part names, separated by commas; name+name for mixed scenes",
             )
         _check_number("scenes", self.scenes, 1, MOST_SCENES)
-        _check_number("seed", self.seed, 0)
+        _check_number("seed", self.seed, 0, LARGEST_INT)
         _check_number("workers", self.workers, 1, MOST_WORKERS)
         object.__setattr__(self, "variants", tuple(self.variants))
+        _check_number("episodes (scenes x parts x variants)", self.planned, 1, MOST_EPISODES)
         if len({variant.name for variant in self.variants}) != len(self.variants):
             raise InputError("variants", got=", ".join(v.name for v in self.variants), expected="different ones")
         _check_common(self)
@@ -202,6 +204,11 @@ class SweepConfig:
     def config_hash(self) -> str:
         """SHA-256 of the canonical JSON without ``workers``, 64 hexadecimal digits."""
         return _hash({k: v for k, v in as_fields(self).items() if k != "workers"})
+
+    @property
+    def planned(self) -> int:
+        """Number of episodes."""
+        return self.scenes * len(self.parts) * max(len(self.variants), 1)
 
     @property
     def pieces_in_words(self) -> str:

@@ -13,6 +13,7 @@ from robot.wrist import Wrench
 
 Array = NDArray[np.float64]
 Phase = Literal["touch", "search", "seat", "back_off", "seated", "not_found", "jammed"]
+_RESISTS = 0.5  # of the pressing force: a face does
 ENDED: tuple[Phase, ...] = ("seated", "not_found", "jammed")
 
 
@@ -43,10 +44,10 @@ class InsertionParameters:
     admittance: Admittance = field(default_factory=Admittance)
     touch_m_s: float = 0.003
     touch_n: float = 3.0
-    search_n: float = 8.0
+    search_n: float = 6.0
     seat_n: float = 20.0
-    most_side_n: float = 25.0
-    most_n: float = 50.0
+    most_side_n: float = 12.0
+    most_n: float = 35.0
     found_m: float = 0.0003
     search_m: float = 0.0015
     search: bool = True
@@ -68,8 +69,9 @@ class Insertion:
         """Begin above the bore."""
         self._parameters = parameters
         self.phase: Phase = "touch"
+        self._reason: Phase = "jammed"
         self.tries, self.most_n = 1, 0.0
-        self._seconds = self._stuck_s = 0.0
+        self._seconds = self._stuck_s = self._spiral_s = 0.0
         self._touched_m = self._deepest_m = 0.0
         self._felt = np.zeros(6)
 
@@ -88,13 +90,15 @@ class Insertion:
         self.most_n = max(self.most_n, smooth.force_n)
         self._seconds += dt_s
         if self.phase != "back_off" and smooth.force_n > parameters.most_n:
+            self._reason = "jammed"
             self._enter("back_off", depth_m)
         return {"touch": self._touch, "search": self._search, "seat": self._seat, "back_off": self._back_off}[
             self.phase
         ](smooth, depth_m, dt_s)
 
     def _enter(self, phase: Phase, depth_m: float) -> None:
-        self.phase, self._seconds, self._stuck_s, self._deepest_m = phase, 0.0, 0.0, depth_m
+        self.phase, self._deepest_m = phase, depth_m
+        self._seconds = self._stuck_s = self._spiral_s = 0.0
 
     def _touch(self, felt: Wrench, depth_m: float, dt_s: float) -> Array:  # noqa: ARG002
         if depth_m > self._parameters.found_m + 0.002:  # past the entry without having met anything
@@ -104,7 +108,7 @@ class Insertion:
             self._enter("search", depth_m)
         return np.array([0.0, 0.0, self._parameters.touch_m_s, 0.0, 0.0, 0.0])
 
-    def _search(self, felt: Wrench, depth_m: float, dt_s: float) -> Array:  # noqa: ARG002
+    def _search(self, felt: Wrench, depth_m: float, dt_s: float) -> Array:
         parameters = self._parameters
         twist = parameters.admittance.twist(felt, parameters.search_n)
         if depth_m > self._touched_m + parameters.found_m:
@@ -112,12 +116,14 @@ class Insertion:
             return twist
         side = float(np.hypot(*felt.force[:2]))
         pitch = max(0.8 * parameters.clearance_m, 5e-5)
-        velocity = Spiral(pitch, most_m=parameters.search_m).velocity(self._seconds) if parameters.search else None
+        velocity = Spiral(pitch, most_m=parameters.search_m).velocity(self._spiral_s) if parameters.search else None
         if velocity is None:
             if not parameters.search and self._seconds < parameters.stuck_s:
                 return twist
             self._again("not_found", depth_m)
-        elif side < parameters.most_side_n:
+        elif side < parameters.most_side_n and -felt.force[2] > _RESISTS * parameters.search_n:
+            # Where the face no longer resists, the peg is left to sink in.
+            self._spiral_s += dt_s
             twist[:2] += velocity
         return twist
 
@@ -137,7 +143,7 @@ class Insertion:
     def _back_off(self, felt: Wrench, depth_m: float, dt_s: float) -> Array:  # noqa: ARG002
         """Straight back for a moment, giving way sideways; then from the beginning."""
         if self._seconds > 0.4:
-            self._again("jammed", depth_m)
+            self._again(self._reason, depth_m)
         twist = self._parameters.admittance.twist(felt, 0.0)
         twist[2] = -self._parameters.touch_m_s
         return twist
@@ -151,4 +157,5 @@ class Insertion:
             self.tries += 1
             self._enter("touch", depth_m)
         else:
+            self._reason = reason
             self._enter("back_off", depth_m)

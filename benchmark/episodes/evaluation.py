@@ -30,10 +30,10 @@ from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse, overlap
 from vision.localizer import PRESETS, Localization
+from vision.model.projection import GRAZING_COSINE
 from vision.pose.estimate import PoseEstimate
 
 Array = NDArray[np.float64]
-FACING_COSINE = 0.12  # a circle seen more obliquely than 83 degrees makes no salient ellipse
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +195,7 @@ def _salient_ellipses(piece: TruePiece, views: Sequence[View], models: str | Non
 
 def _image(circle: Circle, view: View) -> Ellipse | None:
     towards = view.T_world_camera.translation - circle.centre
-    faces = circle.normal @ towards > FACING_COSINE * np.linalg.norm(towards)
+    faces = circle.normal @ towards > GRAZING_COSINE * np.linalg.norm(towards)
     return project_circle(circle, view) if faces else None
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from benchmark.strict_json import MAY_BE_MISSING, decode
@@ -247,11 +247,6 @@ class EpisodeRecord:
     false_probabilities: dict[str, tuple[float, ...]] = field(default_factory=dict, metadata=MAY_BE_MISSING)
     attempts: tuple[AttemptRecord, ...] = field(default=(), metadata=MAY_BE_MISSING)
     places: tuple[str, ...] = field(default=(), metadata=MAY_BE_MISSING)
-
-
-def strip_timings(record: EpisodeRecord) -> EpisodeRecord:
-    """The record without what differs between two runs of one seed on one machine."""
-    return replace(record, timings_s={})
 
 
 def to_json(record: EpisodeRecord) -> str:

@@ -100,7 +100,7 @@ def _joint(table: Table) -> list[Grid]:
             str(row.n),
             *(
                 text(row.errors[name], 3 if name.endswith("mm") else 2)
-                for name in ("translation_mm", "rotation_deg", "tilt_deg", "inplane_deg")
+                for name in ("translation_mm", "tilt_deg", "inplane_deg")
                 for text in (plus_minus, median)
             ),
         )
@@ -108,7 +108,7 @@ def _joint(table: Table) -> list[Grid]:
     )
     if not cells:
         return []
-    errors = ("Transl. (mm)", "Rotation (°)", "Tilt (°)", "Turn (°)")
+    errors = ("Translation (mm)", "Tilt (°)", "Turn (°)")
     columns = ("Object", "Method", "n", *(name for error in errors for name in (error, "median")))
     return [
         Grid(

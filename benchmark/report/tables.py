@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
-from benchmark.config import SweepConfig, episodes
+from benchmark.config import SweepConfig
 from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary, is_inside_ellipsoid, summarise
 from benchmark.records.episode_record import EpisodeRecord, PieceRecord, PoseErrors
 from benchmark.report.margins import Margin, paired_margin
@@ -202,7 +202,7 @@ def build_table(config: SweepConfig, records: Sequence[EpisodeRecord], levels: S
     cells = [(part, method, level) for level in levels for part in parts for method in methods]
     return Table(
         config_hash=config.config_hash,
-        planned=len(episodes(config)),
+        planned=config.planned,
         recorded=len(records),
         failed={record.key: record.error for record in records if record.error is not None},
         accuracy=tuple(_accuracy(pieces, *cell) for cell in cells),

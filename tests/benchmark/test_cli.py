@@ -426,3 +426,18 @@ def test_impatient_ctrl_c_prints_no_traceback(tmp_path: Path) -> None:
             process.kill()
     assert process.returncode == 130
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("explain", "picture.png", "--out", ""),
+        ("table", "results/table1", "--figures="),
+        ("teach", "--dir", ""),
+        ("run", ""),
+    ],
+)
+def test_an_empty_text_is_no_path(arguments, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert "got an empty text; expected a name" in fails_with_one_line(capsys, *arguments)
+    assert not list(tmp_path.iterdir())

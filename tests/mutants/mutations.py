@@ -362,11 +362,11 @@ MUTATIONS: tuple[Mutation, ...] = (
     ),
     # The benchmark: nobody is told the truth, and nothing is counted that is not so.
     *_of(
-        "benchmark/world/cell.py",
+        "benchmark/tasks/bench.py",
         (
             "the true camera poses leak to the localizer",
-            "return View(image, self.camera, T_world_flange * self.T_flange_camera * self._hand_eye_error, name)",
-            "return View(image, self.camera, self.camera_truth(), name)",
+            "localize(sight.views, self._space)",
+            "localize([replace(v, T_world_camera=self._cell.camera_truth()) for v in sight.views], self._space)",
             f"{EPISODE}::test_a_localizer_gets_what_the_robot_knows_and_is_judged_by_the_truth",
         ),
     ),

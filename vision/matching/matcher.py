@@ -40,7 +40,7 @@ from vision.model.solid import share_inside
 from vision.model.vision_model import SalientCircles, VisionModel
 from vision.pose.estimate import PoseEstimate, features_supported
 from vision.pose.observations import observe_ellipses
-from vision.pose.probability import probability
+from vision.pose.probability import pose_probability
 from vision.pose.refinement import Refinement, refine_pose
 from vision.pose.stereo import pose_by_stereo
 
@@ -170,6 +170,9 @@ class Matcher:
             floor = self.workspace.low[2] - self.parameters.floor_slack * self.model.diameter_m
             if self.circles.lowest(final.T_world_part.as_matrix()) < floor:
                 return False
+        spread_m = np.sqrt(np.linalg.eigvalsh(final.covariance[:3, :3])[-1])
+        if not spread_m < 0.5 * self.model.diameter_m:
+            return False  # it may as well be where another part is
         separation = self.parameters.minimum_separation * self.model.diameter_m
         origin = final.T_world_part.translation
         return final.score >= minimum_score and all(
@@ -221,13 +224,11 @@ class Matcher:
         T = refined.T_world_part
         evidence = self.scene.evidence(T[None], contour)
         v, m, _ = hypothesis.seed[0]
-        turned = known or self.model.symmetry_fold is None
-        score, shown = float(evidence.score[0]), float(evidence.shown[0])
-        return PoseEstimate(
+        estimate = PoseEstimate(
             part=self.model.part,
             T_world_part=RigidTransform.from_matrix(T),
             covariance=refined.covariance,
-            score=score,
+            score=float(evidence.score[0]),
             extractor=features[v][m].extractor if m >= 0 else "group",
             residual_px=refined.residual_px,
             views=int(evidence.views[0]),
@@ -235,9 +236,11 @@ class Matcher:
             features=features_supported(
                 self.model, contour.circle_feature, evidence.of_circle[0], evidence.samples[0]
             ),
-            shown=shown,
-            probability=probability(self.parameters.probability_weights, score, turned, shown),
+            shown=float(evidence.shown[0]),
         )
+        turn_matters = self.model.symmetry_fold is not None
+        weights = self.parameters.probability_weights
+        return replace(estimate, probability=pose_probability(estimate, weights, turn_matters=turn_matters))
 
     def _refined(self, T: Array, inplane: bool, contour: ModelContour) -> Refinement | None:
         """On every unclaimed edge along the model, in all views."""

@@ -15,7 +15,7 @@ from vision.features import EllipseFeature
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace, depth_range
 from vision.localizer import Localization, checked_models, checked_scene
-from vision.matching.votes import FACING_COSINE
+from vision.model.projection import GRAZING_COSINE
 from vision.model.vision_model import CircleFeature, SalientCircles, VisionModel
 from vision.paper.correspondence import Correspondence, correspondences
 from vision.paper.edge_fit import fitted_to_edges
@@ -141,7 +141,7 @@ def _score(
     for feature in model.features:
         circle = feature.circle.moved(pose)
         towards = eyes - circle.centre
-        shown += int((towards @ circle.normal > FACING_COSINE * np.linalg.norm(towards, axis=1)).sum())
+        shown += int((towards @ circle.normal > GRAZING_COSINE * np.linalg.norm(towards, axis=1)).sum())
     counts = Counter((s.feature, s.view) for s in seen)
     supporting = sum(min(n / model.supporting[k].copies, 1.0) for (k, _), n in counts.items())
     return float(min(1.0, (np.count_nonzero(found.matches >= 0) + supporting) / max(shown, 1)))
