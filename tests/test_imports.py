@@ -18,7 +18,7 @@ VISION_MAY_IMPORT = {"vision", "numpy", "scipy", "cv2", "filterpy", "numba"}
 ROBOT_MAY_IMPORT = {"robot", "numpy", "scipy", "mujoco", "mink", "ruckig"}
 VALUE_TYPES = ("vision.geometry.camera", "vision.errors", "vision.model.grasp", "vision.frozen")
 EDITOR = "vision/teaching/editor/"
-ANYONE = {"errors", "frozen", "settings", "features", "kernel_cache"}
+ANYONE = {"errors", "frozen", "settings", "features", "kernel_cache", "kernels"}
 ROOMS: dict[str, set[str]] = {
     "geometry": set(),
     "files": {"geometry"},

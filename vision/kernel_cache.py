@@ -21,6 +21,7 @@ from vision.errors import ResourceError
 _VARIABLE = "NUMBA_CACHE_DIR"
 _PREFIX = "kernels-"
 _WITHOUT_COMPILER = "NUMBA_DISABLE_JIT"
+_THREADS = "NUMBA_NUM_THREADS"
 
 ANEW = f"no folder can keep compiled kernels, so that every run compiles them anew: set {_VARIABLE} to one"
 """What to tell the user where :func:`is_kept` is False."""
@@ -31,6 +32,9 @@ def settle() -> None:
 
     Where none of them can be written it is a temporary one, which this process and its children share.
     """
+    for variable in (_WITHOUT_COMPILER, _THREADS):
+        if _whole_number(variable) is None:  # Numba would print a traceback of that in every process, and go on
+            os.environ.pop(variable, None)
     package = Path(__file__).resolve().parent
     name = f"{_PREFIX}{digest(package)}"
     root = next((root for root in _roots(package) if can_be_written(root)), None) or _lent()
@@ -47,18 +51,31 @@ def require() -> None:
     """Make sure that kernels can be compiled; call it before any module with kernels is imported.
 
     Raises:
-        ResourceError: the user has told Numba not to compile, or no folder can be written.
+        ResourceError: the user has told Numba not to compile or to use no thread, or no folder can be written.
     """
-    if os.environ.get(_WITHOUT_COMPILER, "0").strip() not in ("", "0"):
+    if _whole_number(_WITHOUT_COMPILER):
         raise ResourceError(
             f"compiler of the vision kernels: got {_WITHOUT_COMPILER}={os.environ[_WITHOUT_COMPILER]}; expected one "
             f"that is not switched off. Run: unset {_WITHOUT_COMPILER}"
+        )
+    threads = _whole_number(_THREADS)
+    if threads is not None and threads < 1:
+        raise ResourceError(
+            f"threads for the vision kernels: got {_THREADS}={threads}; expected 1 or more. Run: unset {_THREADS}"
         )
     if folder() is None:
         raise ResourceError(
             f"folder for compiled kernels: got none that can be written, in the package, below HOME or for temporary "
             f"files; expected one. Set {_VARIABLE} to a folder that you may write to"
         )
+
+
+def _whole_number(variable: str) -> int | None:
+    """What Numba reads in a variable; None where it goes on as if that were not set."""
+    try:
+        return int(os.environ[variable])
+    except (KeyError, ValueError):
+        return None
 
 
 def is_kept() -> bool:

@@ -111,7 +111,35 @@ def test_a_compiler_that_is_switched_off_is_told_of(value, monkeypatch):
         kernel_cache.require()
 
 
-@pytest.mark.parametrize("value", ["", "0"])
+@pytest.mark.parametrize("value", ["0", "-1"])
+def test_a_compiler_without_a_thread_is_told_of(value, monkeypatch):
+    monkeypatch.setenv("NUMBA_NUM_THREADS", value)
+    with pytest.raises(ResourceError, match=f"got NUMBA_NUM_THREADS={value}; expected 1 or more.*unset"):
+        kernel_cache.require()
+
+
+@pytest.mark.parametrize(
+    "access", ["import vision; vision.detect_ellipses", "import vision.edges.chains", "import vision.regions.merging"]
+)
+@pytest.mark.parametrize("variable", ["NUMBA_DISABLE_JIT=1", "NUMBA_NUM_THREADS=0"])
+def test_a_library_without_a_compiler_says_so_whatever_is_imported(access, variable):
+    name, value = variable.split("=")
+    code = f"from vision import ResourceError\ntry:\n    {access}\nexcept ResourceError as error:\n    print(error)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=os.environ | {name: value}, capture_output=True, text=True, check=True
+    )
+    assert f"got {variable}" in done.stdout
+
+
+@pytest.mark.parametrize("variable", ["NUMBA_DISABLE_JIT", "NUMBA_NUM_THREADS"])
+def test_what_numba_cannot_read_counts_as_not_set_and_nobody_hears_of_it(variable):
+    code = "import vision.kernels, numba; print(numba.config.DISABLE_JIT, numba.config.NUMBA_NUM_THREADS > 0)"
+    environment = os.environ | {variable: "false"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("0 True\n", "")
+
+
+@pytest.mark.parametrize("value", ["", "0", "false", "no"])
 def test_a_compiler_that_is_not_switched_off_compiles(value, monkeypatch):
     monkeypatch.setenv("NUMBA_DISABLE_JIT", value)
     kernel_cache.require()

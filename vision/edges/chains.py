@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.geometry.focal_form import norm2
+from vision.kernels import njit
 
 Numbers = NDArray[np.int64]
 

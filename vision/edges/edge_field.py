@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.frozen import frozen_arrays
+from vision.kernels import njit
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]

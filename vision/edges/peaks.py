@@ -8,7 +8,8 @@ the peaks of all edges of one direction to the same side.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from vision.kernels import njit
 
 MAX_SHIFT_PX = 0.75
 

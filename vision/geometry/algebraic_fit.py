@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from vision.geometry.focal_form import conic_to_geometric, geometric_to_focal
 from vision.geometry.small_systems import factorise, normal_equations5, solve
+from vision.kernels import njit
 
 
 @njit(cache=True)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from vision.geometry.focal_form import norm2, residual
+from vision.kernels import njit
 
 CAMERA_VARIANCE = 1 / 12 + 0.6**2
 """Variance in px² by which a sharp camera blurs: the area of a pixel, and a lens of 0.6 px."""

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from vision.errors import InputError
 from vision.geometry.ellipse import Array, Ellipse
 from vision.geometry.small_systems import factorise, invert, solve
+from vision.kernels import njit
 
 MIN_POINTS = 6
 _HUBER = 1.345

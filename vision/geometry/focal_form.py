@@ -8,7 +8,8 @@ Conic: the symmetric matrix C with (u, v, 1) C (u, v, 1)ᵀ = 0 on the boundary.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from vision.kernels import njit
 
 _LEAST_SLOPE = 1e-3
 

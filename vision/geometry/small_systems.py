@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from vision.kernels import njit
 
 _SINGULAR = 1e-14
 """What may be left of a diagonal element, relative to itself, where rounding is all that is left."""

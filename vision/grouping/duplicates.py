@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from vision.geometry.focal_form import axes, signed_distance
+from vision.kernels import njit
 
 _SAMPLES, _APART_SAMPLES = 64, 16
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from vision.geometry.focal_form import norm2
+from vision.kernels import njit
 
 
 class FragmentLimits(NamedTuple):

@@ -11,13 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.edges.edge_map import EdgeMap
 from vision.errors import InputError
 from vision.frozen import frozen_arrays
 from vision.grouping.fragment_measures import FragmentLimits, measure_fragments
+from vision.kernels import njit
 from vision.settings import NOT_NEGATIVE, POSITIVE, check
 
 Array = NDArray[np.float64]

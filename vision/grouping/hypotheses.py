@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.edges.edge_map import EdgeMap
@@ -17,6 +16,7 @@ from vision.frozen import frozen_arrays
 from vision.geometry.algebraic_fit import fit_algebraic
 from vision.geometry.focal_form import axes, norm2, signed_distance
 from vision.grouping.fragments import FragmentTable
+from vision.kernels import njit
 
 Array = NDArray[np.float64]
 

@@ -11,13 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.errors import InputError
 from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Ellipse
 from vision.geometry.focal_form import measure, norm2, residual
+from vision.kernels import njit
 from vision.settings import NOT_NEGATIVE, POSITIVE, check, count
 
 MIN_POINTS = 6

@@ -11,11 +11,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.geometry.focal_form import axes, norm2, signed_distance
 from vision.grouping.support import OUTSIDE
+from vision.kernels import njit
 
 # Columns of the quality of a hypothesis.
 COVERAGE, ERROR, DIRECTION, VISIBLE, CHAIN, CLUTTER, SUPPORT, MINOR, PIECES, TURN, SCORE = range(11)

@@ -10,12 +10,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.edges.edge_map import EdgeMap
 from vision.geometry.focal_form import axes, residual
 from vision.geometry.small_systems import factorise, normal_equations5, solve
+from vision.kernels import njit
 
 Array = NDArray[np.float64]
 

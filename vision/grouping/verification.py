@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.geometry.focal_form import signed_distance
@@ -35,6 +34,7 @@ from vision.grouping.support import (
     refine,
     supported_share,
 )
+from vision.kernels import njit
 
 Array = NDArray[np.float64]
 

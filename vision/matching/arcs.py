@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.extraction import Arc
 from vision.geometry.camera import CameraArrays, View
 from vision.geometry.small_systems import factorise, solve
 from vision.geometry.workspace import Workspace
+from vision.kernels import njit
 from vision.model.solid import OUTLINE_SHARE
 from vision.model.vision_model import SalientCircles
 from vision.pose.alignment import rows_of_circle, turn_and_move

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.features import EllipseFeature
@@ -21,6 +20,7 @@ from vision.geometry.camera import View, camera_arrays
 from vision.geometry.circle import circle_candidates, plane_axes
 from vision.geometry.ellipse import conic_matrices
 from vision.geometry.workspace import Workspace
+from vision.kernels import njit
 from vision.matching.votes import EllipseTable, count_votes
 from vision.model.vision_model import SalientCircles, VisionModel
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from vision.edges.edge_field import FULL_ALIGNMENT, LOOSEST_ALIGNMENT
+from vision.kernels import njit
 from vision.model.projection import chain, is_covered, list_inside, project_samples
 
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.features import EllipseFeature
@@ -14,6 +13,7 @@ from vision.frozen import read_only
 from vision.geometry.camera import CameraArrays
 from vision.geometry.ellipse import geometric_parameters
 from vision.geometry.focal_form import conic_to_geometric
+from vision.kernels import njit
 from vision.model.projection import GRAZING_COSINE
 from vision.model.vision_model import SalientCircles
 from vision.pose.observations import POINTS_PER_ELLIPSE

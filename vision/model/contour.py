@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.frozen import frozen_arrays, read_only
 from vision.geometry.camera import View
 from vision.geometry.circle import Circle, plane_axes
+from vision.kernels import njit
 from vision.model.grasp import turns_about_z
 from vision.model.projection import ContourSamples, project_samples
 from vision.model.vision_model import CircleFeature, Pattern, VisionModel

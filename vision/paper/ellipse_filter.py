@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.geometry.ellipse import focal_residual
+from vision.kernels import njit
 
 Array = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ for every candidate and hypothesis, where that one gives the final word.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from vision.edges.edge_field import LOOSEST_ALIGNMENT
 from vision.geometry.small_systems import factorise, solve
+from vision.kernels import njit
 from vision.model.projection import eye_of, is_covered, list_inside, project_samples, rotated
 from vision.model.vision_model import CoaxialCircle
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.edges.edge_field import EdgeField, edge_along, profile_weights
 from vision.features import EllipseFeature
 from vision.geometry.camera import CameraArrays, View
+from vision.kernels import njit
 from vision.model.contour import ModelContour
 from vision.model.projection import BORDER_PX, chain, project_samples
 from vision.model.vision_model import SalientCircles

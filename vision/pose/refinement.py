@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vision.frozen import frozen_arrays
 from vision.geometry.camera import CameraArrays, View, camera_arrays
+from vision.kernels import njit
 from vision.model.projection import moved, rotated
 from vision.pose.calibration import EXACT, CalibrationError
 from vision.pose.edge_errors import USUAL, EdgeErrors

@@ -7,11 +7,11 @@ from dataclasses import dataclass, fields
 from typing import Protocol, TypeVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.errors import InputError
 from vision.features import RegionAttributes
+from vision.kernels import njit
 
 Contour = NDArray[np.int32]
 Bounds = tuple[float, float]

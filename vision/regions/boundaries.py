@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.edges.peaks import log_peak, slope_across
 from vision.features import RegionAttributes
 from vision.frozen import frozen_arrays
 from vision.geometry.ellipse import Array
+from vision.kernels import njit
 from vision.regions.attributes import Contour
 
 _TANGENT_REACH = 4

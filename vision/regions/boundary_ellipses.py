@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.frozen import frozen_arrays
@@ -14,6 +13,7 @@ from vision.geometry.blur import unshrink
 from vision.geometry.ellipse import Array
 from vision.geometry.ellipse_fit import refine_ellipse
 from vision.geometry.focal_form import focal_to_geometric, geometric_to_conic, geometric_to_focal
+from vision.kernels import njit
 from vision.regions.boundaries import Boundaries
 from vision.regions.consensus import agree, best_stretch, explained, part_covered, rms_distance
 

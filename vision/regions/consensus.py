@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from vision.geometry.focal_form import conic_to_geometric
 from vision.geometry.small_systems import factorise, solve
+from vision.kernels import njit
 
 _STRETCHES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.16)
 """Parts of a boundary that are tried as arcs of one ellipse."""

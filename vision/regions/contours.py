@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.frozen import frozen_arrays
+from vision.kernels import njit
 
 _STEPS = np.array([[1, 0], [1, -1], [0, -1], [-1, -1], [-1, 0], [-1, 1], [0, 1], [1, 1]])
 """(x, y) of the eight neighbours, counter-clockwise as seen on the screen, from the one to the right."""

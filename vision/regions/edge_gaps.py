@@ -7,10 +7,10 @@ swamped by that of the bar, so that the stem stops a few pixels short. Regions w
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.errors import InputError
+from vision.kernels import njit
 
 TANGENT_LENGTH_PX = 8
 """Length of chain behind an end that gives its direction."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from vision.kernels import njit
 from vision.regions.quadtree import Labels, Quadtree, SplitAndMergeParameters
 
 BOUNDARY = 0

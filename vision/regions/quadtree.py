@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.errors import InputError
 from vision.frozen import frozen_arrays
+from vision.kernels import njit
 from vision.settings import NOT_NEGATIVE, check, count
 
 Labels = NDArray[np.int32]

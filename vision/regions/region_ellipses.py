@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numba import njit
 
 from vision.edges.edge_map import GRADIENT_UNIT, image_gradients
 from vision.features import EllipseFeature
 from vision.geometry.blur import CAMERA_VARIANCE, SOBEL_VARIANCE
 from vision.geometry.ellipse import Ellipse
+from vision.kernels import njit
 from vision.regions.attributes import AttributeConstraints
 from vision.regions.boundaries import Outline, refine_boundaries
 from vision.regions.boundary_ellipses import BoundaryLimits, find_ellipses

@@ -7,12 +7,12 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.edges.edge_map import GRADIENT_UNIT, as_gray, image_gradients
 from vision.features import RegionAttributes
 from vision.frozen import frozen_arrays, read_only
+from vision.kernels import njit
 from vision.regions.attributes import AttributeConstraints, Contour, measure_shape
 from vision.regions.contours import trace_contours
 from vision.regions.edge_gaps import link_edges
