@@ -62,7 +62,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Without a home Matplotlib keeps its fonts beside the temporary files, and need not advise the user about that.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     try:
-        return _dispatch(sys.argv[1:] if arguments is None else arguments)
+        code = _dispatch(sys.argv[1:] if arguments is None else arguments)
+        sys.stdout.flush()
+        return code
     except FocalpickError as error:
         return _fail(_with_foreign_traceback(error), EXIT_BAD_INPUT)
     except KeyboardInterrupt as error:
@@ -70,8 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             ignore_interrupts()
         return _fail(str(error) or "stopped", EXIT_INTERRUPTED)
     except BrokenPipeError:
-        # The reader of our output has gone, as in `focalpick table DIR | head`; nothing more can be written to it.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output_that_nobody_reads()
         return 0
     except Exception as error:
         return _fail(_report_bug(error), EXIT_INTERNAL_ERROR)
@@ -82,6 +83,15 @@ def _let_every_terminal_show_the_output() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
+
+
+def _drop_output_that_nobody_reads() -> None:
+    """The reader has gone, as in `focalpick table DIR | head`; Python would complain about what it still holds."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _dispatch(arguments: Sequence[str]) -> int:

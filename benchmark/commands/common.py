@@ -8,7 +8,7 @@ import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -139,9 +139,22 @@ def check_localizer(name: str, part_names: Sequence[str], models: str | None = N
 
 def results_console() -> Console:
     """The console for results: as wide as the terminal; a pipe or log has no width, and 80 columns break the rows."""
+    return make_console(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else 120)
+
+
+def make_console(**settings: Any) -> Console:
+    """Rich's console; when the reader has gone, as in `focalpick table DIR | head`, the command line answers it.
+
+    Rich itself ends the program with 1 then, which stands for a check that has failed.
+    """
     from rich.console import Console
 
-    return Console(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else 120)
+    class Piped(Console):
+        def on_broken_pipe(self) -> None:
+            self.quiet = True
+            raise BrokenPipeError
+
+    return Piped(**settings)
 
 
 def print_line(text: str) -> None:

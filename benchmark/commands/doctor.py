@@ -11,12 +11,12 @@ def doctor() -> int:
 
     Example: focalpick doctor
     """
-    from rich.console import Console
     from rich.markup import escape
 
+    from benchmark.commands.common import make_console
     from benchmark.doctor import examine
 
-    console = Console(highlight=False, soft_wrap=True)
+    console = make_console(highlight=False, soft_wrap=True)
     findings = []
     for finding in examine():
         mark = "[green]ok     [/]" if finding.ok else "[bold red]problem[/]"

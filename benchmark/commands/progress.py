@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
+from benchmark.commands.common import make_console
 from benchmark.records.episode_record import STAGES, EpisodeRecord
 from benchmark.report.grid import NOTHING
 
@@ -48,7 +49,7 @@ class SweepProgress:
 
     def __init__(self, workers: int, console: Console | None = None) -> None:
         """Prepare for so many workers."""
-        self._console = console or Console(stderr=True)
+        self._console = console or make_console(stderr=True)
         self._pace = Pace(workers, time.monotonic())
         self._failed = 0
         self._last_line = -1

@@ -18,6 +18,7 @@ from benchmark.commands.common import (
     Seconds,
     check_localizer,
     fewest_and_most,
+    make_console,
     prepare_process,
     print_line,
     split_parts,
@@ -82,8 +83,6 @@ def sweep(
             resumed; 0 for no limit.
         clearance_mm: between peg and bore, on the diameter, for --task insert; 0.5 when left out.
     """
-    from rich.console import Console
-
     from benchmark.commands.progress import SweepProgress, timing_table
     from benchmark.config import preset as make_config
 
@@ -115,7 +114,7 @@ def sweep(
 
     with ended_in_order(), SweepProgress(config.workers) as progress:
         records = _run(config, out, progress, episode_limit or None)
-    Console(stderr=True).print(timing_table(records))
+    make_console(stderr=True).print(timing_table(records))
     for record in records:
         if record.error is not None:
             print_line(f"episode {record.key} did not finish: {record.error}")

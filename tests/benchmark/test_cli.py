@@ -286,10 +286,31 @@ def test_help_works_where_the_simulator_cannot_be_loaded() -> None:
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
 
 
-def test_output_into_a_closed_pipe_is_no_error(tmp_path: Path, simulator: types.ModuleType) -> None:
+PIPED = """
+import sys
+from benchmark import cli, doctor
+
+doctor.CHECKS = {"thing": lambda: iter([doctor.Finding("thing", True, "there")])}
+sys.exit(cli.main())
+"""
+
+
+@pytest.mark.parametrize("format", ["json", "md", "text"])
+def test_output_into_a_closed_pipe_is_no_error(tmp_path: Path, simulator: types.ModuleType, format: str) -> None:
     cli.main(["sweep", *SMALL, "--out", str(tmp_path)])
-    command = f"{sys.executable} -m benchmark.cli table {tmp_path} --format json | head -c 1"
-    done = subprocess.run(["bash", "-o", "pipefail", "-c", command], capture_output=True, text=True, check=False)
+    closed_pipe_is_no_error(["-m", "benchmark.cli", "table", str(tmp_path), "--format", format])
+
+
+def test_findings_into_a_closed_pipe_are_no_error() -> None:
+    closed_pipe_is_no_error(["-c", PIPED, "doctor"])
+
+
+def closed_pipe_is_no_error(arguments: list[str]) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)  # before anything is written
+    with os.fdopen(writer, "w") as pipe:
+        command = [sys.executable, *arguments]
+        done = subprocess.run(command, stdout=pipe, stderr=subprocess.PIPE, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
 
 
