@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from benchmark.interrupts import put_off
+
 EXIT_BY_SIGNAL = 128
 """Plus the signal's number: what a shell reports of a process that a signal ended."""
 
@@ -31,6 +33,20 @@ def single_threaded() -> Iterator[None]:
             del os.environ[name]
 
 
+class EndedError(SystemExit):
+    """SIGTERM or SIGHUP ends the program.
+
+    Attributes:
+        text: what the user should know, in one line.
+    """
+
+    def __init__(self, code: int, text: str = "stopped") -> None:
+        """With an exit code and the line."""
+        super().__init__(code)
+        self.code: int = code
+        self.text = text
+
+
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
     """Make SIGTERM and SIGHUP leave the block as an exception, so that children are ended and files closed.
@@ -39,7 +55,7 @@ def ended_by_signals() -> Iterator[None]:
     SIGHUP under ``nohup``, stays so. Does nothing outside the main thread, where Python forbids it.
 
     Raises:
-        SystemExit: with 143 on SIGTERM and 129 on SIGHUP.
+        EndedError: with 143 on SIGTERM and 129 on SIGHUP.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -62,12 +78,14 @@ class _Ending:
     def __init__(self) -> None:
         self._first: int | None = None
 
-    def __call__(self, number: int, _: FrameType | None) -> None:
+    def __call__(self, number: int, frame: FrameType | None) -> None:
         self._first = self._first or number
         server = signal.getsignal(signal.SIGTERM)
         if callable(server) and server is not self:
             signal.raise_signal(signal.SIGTERM)  # uvicorn knows no SIGHUP; it sends SIGTERM here when it is done
             return
+        if put_off(number, frame):
+            return
         for ending in _ENDING:
             signal.signal(ending, signal.SIG_DFL)
-        raise SystemExit(EXIT_BY_SIGNAL + self._first)
+        raise EndedError(EXIT_BY_SIGNAL + self._first)

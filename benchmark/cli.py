@@ -17,6 +17,7 @@ import textwrap
 import traceback
 from collections.abc import Callable, Sequence
 
+from benchmark.child_process import EndedError
 from benchmark.interrupts import EXIT_INTERRUPTED, end_at_once, ignore_interrupts
 from benchmark.localizers.errors import LocalizerError
 from vision.errors import FocalpickError, InputError
@@ -54,7 +55,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: without the program's name; those of the process by default.
 
     Returns:
-        The exit code: 0 done, 1 a check has failed, 2 bad input or something missing, 70 a bug, 130 interrupted.
+        The exit code: 0 done, 1 a check has failed, 2 bad input or something missing, 70 a bug, 130 interrupted, 143
+        and 129 ended by SIGTERM and SIGHUP.
     """
     if arguments is None:  # the process ends with this call; a caller's goes on, and answers Ctrl-C in its own way
         end_at_once()
@@ -71,6 +73,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if arguments is None:
             ignore_interrupts()
         return _fail(str(error) or "stopped", EXIT_INTERRUPTED)
+    except EndedError as error:
+        return _fail(error.text, error.code)
     except BrokenPipeError:
         _drop_output_that_nobody_reads()
         return 0
@@ -177,7 +181,8 @@ def _wrap(text: str) -> str:
 
 
 def _fail(message: str, code: int) -> int:
-    print(f"focalpick: {' '.join(message.split())}", file=sys.stderr, flush=True)
+    with contextlib.suppress(OSError):  # the terminal may have been closed
+        print(f"focalpick: {' '.join(message.split())}", file=sys.stderr, flush=True)
     return code
 
 

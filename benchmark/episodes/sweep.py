@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
 from pathlib import Path
 
-from benchmark.child_process import ended_by_signals
+from benchmark.child_process import EndedError, ended_by_signals
 from benchmark.config import EpisodeConfig, SweepConfig, episodes
 from benchmark.episodes import compiling
 from benchmark.episodes.failures import RunEpisode, attempt, unfinished
@@ -60,6 +60,7 @@ def run_sweep(
         ResourceError: the disk is full, or an episode missed something that the machine lacks.
         FileFormatError: a file is corrupt.
         SweepInterruptedError: Ctrl-C.
+        EndedError: SIGTERM or SIGHUP, where the episodes run in other processes.
     """
     run_episode = run_episode or _real_run_episode()
     workers = workers or config.workers
@@ -79,10 +80,11 @@ def run_sweep(
                     writer.append(record)
                     done += 1
                     notify(done, len(plan), record)
-        except KeyboardInterrupt:
-            raise SweepInterruptedError(
+        except (KeyboardInterrupt, EndedError) as end:
+            told = (
                 f"stopped; {done} of {len(plan)} episodes are recorded in {out}. The same command goes on from there"
-            ) from None
+            )
+            raise EndedError(end.code, told) if isinstance(end, EndedError) else SweepInterruptedError(told) from None
     return read_records(out)
 
 

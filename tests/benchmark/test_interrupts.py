@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -55,6 +56,17 @@ def test_ctrl_c_in_an_import_is_answered_after_it_where_there_is_something_to_fi
     (tmp_path / "swallowing.py").write_text(f"{SWALLOWING}\nprint('loaded')\n")
     program = IN_ORDER.format(inside="import swallowing, time; time.sleep(60)", after="")
     assert run(program, tmp_path) == (0, "loaded\nin order\nwent on\n", "")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_an_import_cannot_swallow_the_end_either(number: signal.Signals, tmp_path: Path) -> None:
+    swallowing = SWALLOWING.replace("SIGINT", number.name).replace("KeyboardInterrupt", "SystemExit")
+    (tmp_path / "swallowing.py").write_text(swallowing)
+    program = (
+        "from benchmark.child_process import ended_by_signals\n"
+        "with ended_by_signals():\n    import swallowing, time; time.sleep(60)"
+    )
+    assert run(program, tmp_path) == (128 + number, "", "")
 
 
 def test_impatience_does_not_disturb_the_way_out(tmp_path: Path) -> None:

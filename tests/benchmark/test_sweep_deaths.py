@@ -21,6 +21,7 @@ import numpy as np
 import psutil
 import pytest
 
+from benchmark import cli
 from benchmark.config import EpisodeConfig, SweepConfig
 from benchmark.episodes import pool
 from benchmark.episodes.failures import failed_episode
@@ -195,6 +196,25 @@ def test_ctrl_c_ends_stopped_workers_too(tmp_path: Path, presses: int) -> None:
         _, left = psutil.wait_procs(children, BOUND_S)
         assert [child.cmdline() for child in left] == []
     assert [record.key for record in read_records(tmp_path / "out")] == ["cover1/000"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_sweep_that_is_ended_says_what_is_recorded(
+    number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def end(done: int, total: int, record: EpisodeRecord | None) -> None:
+        if done == 1:
+            signal.raise_signal(number)
+
+    def command() -> int:
+        """Example."""
+        run_sweep(CONFIG, tmp_path, episode, workers=2, on_progress=end)
+        return 0
+
+    monkeypatch.setattr(cli, "_load", lambda _: command)
+    assert cli.main(["sweep"]) == 128 + number
+    told = f"1 of 6 episodes are recorded in {tmp_path}. The same command goes on from there"
+    assert capsys.readouterr().err == f"focalpick: stopped; {told}\n"
 
 
 @pytest.mark.parametrize(
