@@ -9,8 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from vision.teaching.editor.child_process import end_with_parent
-
 EXIT_BY_SIGNAL = 128
 """Plus the signal's number: what a shell reports of a process that a signal ended."""
 
@@ -19,17 +17,6 @@ SINGLE_THREADED = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL
 ``LP_NUM_THREADS`` is that of Mesa's software renderer."""
 
 _ENDING = (signal.SIGTERM, signal.SIGHUP)
-_STOPPING = (signal.SIGINT, *_ENDING)
-
-
-def begin_worker() -> None:
-    """Settle a worker of a sweep.
-
-    It ends with its parent. A terminal sends Ctrl-C to all processes, but only the sweep itself is to answer it.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _STOPPING)  # the parent started it in `uninterrupted`
-    end_with_parent()
 
 
 @contextmanager
@@ -42,33 +29,6 @@ def single_threaded() -> Iterator[None]:
     finally:
         for name in added:
             del os.environ[name]
-
-
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Put off Ctrl-C, SIGTERM and SIGHUP until the block is left.
-
-    A process that is started in it does not hear them before it unblocks them, so that none ends with a traceback
-    because it was interrupted while it starts. Does nothing outside the main thread.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    heard: list[int] = []
-    before = {number: signal.getsignal(number) for number in _STOPPING}
-    for number, handler in before.items():
-        if handler not in (signal.SIG_IGN, None):  # blocking alone is not enough: another thread may hear it
-            signal.signal(number, lambda heard_number, _: heard.append(heard_number))
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, _STOPPING)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        for number, handler in before.items():
-            if handler is not None:
-                signal.signal(number, handler)
-        for put_off in heard:
-            signal.raise_signal(put_off)
 
 
 @contextmanager

@@ -11,20 +11,19 @@ import itertools
 import logging
 import os
 import shutil
-import signal
 import sys
 import tempfile
 import textwrap
-import threading
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
+from benchmark.interrupts import EXIT_INTERRUPTED, end_at_once, ignore_interrupts
 from benchmark.localizers.errors import LocalizerError
 from vision.errors import FocalpickError, InputError
 
 DESCRIPTION = """A benchmark of bin picking with round parts. A simulated robot drops parts into a bin, photographs
-them with the camera on its wrist, finds the circles on them and so their poses, and picks them. The vision system is
-that of Y. Motai, Salient feature extraction of industrial objects for an automated assembly system."""
+them with the camera on its wrist, works out their poses from the circles on them, and picks them. The vision system
+is that of Y. Motai, Salient feature extraction of industrial objects for an automated assembly system."""
 
 COMMANDS = {
     "doctor": "benchmark.commands.doctor:doctor",
@@ -46,7 +45,6 @@ COMMANDS = {
 HELP_FLAGS = ("-h", "--help", "help")
 EXIT_BAD_INPUT = 2
 EXIT_INTERNAL_ERROR = 70
-EXIT_INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -58,6 +56,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: 0 done, 1 a check has failed, 2 bad input or something missing, 70 a bug, 130 interrupted.
     """
+    if arguments is None:  # the process ends with this call; a caller's goes on, and answers Ctrl-C in its own way
+        end_at_once()
     _let_every_terminal_show_the_output()
     # Without a home Matplotlib keeps its fonts beside the temporary files, and need not advise the user about that.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
@@ -66,8 +66,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except FocalpickError as error:
         return _fail(_with_foreign_traceback(error), EXIT_BAD_INPUT)
     except KeyboardInterrupt as error:
-        if arguments is None:  # the process ends with this call; a caller's goes on
-            _ignore_further_interrupts()
+        if arguments is None:
+            ignore_interrupts()
         return _fail(str(error) or "stopped", EXIT_INTERRUPTED)
     except BrokenPipeError:
         # The reader of our output has gone, as in `focalpick table DIR | head`; nothing more can be written to it.
@@ -84,12 +84,6 @@ def _let_every_terminal_show_the_output() -> None:
             stream.reconfigure(errors="replace")
 
 
-def _ignore_further_interrupts() -> None:
-    """Let an impatient second Ctrl-C not disturb the way out, which would print a traceback."""
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
 def _dispatch(arguments: Sequence[str]) -> int:
     if not arguments or arguments[0] in HELP_FLAGS:
         print(_overview())
@@ -104,6 +98,11 @@ def _dispatch(arguments: Sequence[str]) -> int:
 
 
 def _run(name: str, arguments: Sequence[str]) -> int:
+    for before, argument in itertools.pairwise(["", *arguments]):
+        if not argument or (argument.startswith("--") and argument.endswith("=")):
+            # For a path, nothing would be the working directory.
+            where = argument.rstrip("=") or before or "the command"
+            raise InputError(f"argument after {where}", got="an empty text", expected="a name, a path or a number")
     command = _load(name)
     description = inspect.cleandoc(command.__doc__ or "").partition("\nArgs:")[0]
     return _parse(command, f"focalpick {name}", description, arguments)()
@@ -147,25 +146,7 @@ def _first_sentence(box: str) -> str:
 
 def _load(name: str) -> Callable[..., int]:
     module, _, function = COMMANDS[name].partition(":")
-    with _interrupt_ends_process():
-        return getattr(importlib.import_module(module), function)
-
-
-@contextlib.contextmanager
-def _interrupt_ends_process() -> Iterator[None]:
-    """Let Ctrl-C end the process at once: some libraries swallow a KeyboardInterrupt while they are imported."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def end(*_: object) -> None:
-        os._exit(_fail("stopped", EXIT_INTERRUPTED))
-
-    before = signal.signal(signal.SIGINT, end)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
+    return getattr(importlib.import_module(module), function)
 
 
 def _overview() -> str:

@@ -11,17 +11,32 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Literal, get_args
 
 from benchmark.seeds import SCENES
-from benchmark.strict_json import MAY_BE_MISSING
+from benchmark.strict_json import LARGEST_INT, MAY_BE_MISSING
 from vision.errors import InputError
 
 Task = Literal["pick", "clear", "insert", "none"]
 SENSORS = ("ideal", "lab", "shopfloor")
 LOCALIZERS = ("focal", "focal-region", "focal-group", "paper", "previous", "oracle")
+LADDER: dict[str, str] = {
+    "previous": "the predecessor: region growing alone",
+    "paper": "the paper's system",
+    "paper-fit": "+ poses are fitted to edges",
+    "paper-both": "+ our extractors, both for every feature",
+    "edges-confirm": "+ edges confirm, in the place of extracted supporting features",
+    "depth-search": "+ depth search",
+    "hiding": "+ parts found hide what is behind them",
+    "patterns": "+ patterns",
+    "focal": "+ arcs: our localizer",
+    "focal-region": "focal with region growing alone",
+    "focal-group": "focal with edge grouping alone",
+}
+"""The localizers of the preset ladder, and what each adds to the one above it; the last two are held to ``focal``."""
 TASKS: tuple[str, ...] = get_args(Task)
 VIEWS = (2, 3)
 MOST_PIECES = 12
 MOST_CLEARANCE_MM = 5.0
 MOST_SCENES = 100_000
+MOST_EPISODES = 1_000_000
 MOST_WORKERS = 1024
 TAUGHT_VIEWS = (2, 5)
 
@@ -85,6 +100,7 @@ class EpisodeConfig:
             ``none`` stops after localisation.
         variant: what is different in this episode of a study; None outside studies.
         models: directory of vision models that come before the shipped ones, None for these alone.
+        compared: other localizers that look at the same pictures; nothing is picked by their poses.
         clearance_mm: diametral, between peg and bore, of the task ``insert``; None for 0.5 mm.
     """
 
@@ -98,6 +114,7 @@ class EpisodeConfig:
     task: Task = "pick"
     variant: Variant | None = field(default=None, metadata=MAY_BE_MISSING)
     models: str | None = field(default=None, metadata=MAY_BE_MISSING)
+    compared: tuple[str, ...] = field(default=(), metadata=MAY_BE_MISSING)
     clearance_mm: float | None = field(default=None, metadata=MAY_BE_MISSING)
 
     def __post_init__(self) -> None:
@@ -143,6 +160,7 @@ class SweepConfig:
         workers: processes that run episodes; has no influence on any result and no part in the hash.
         variants: what a study varies: every scene is run once in each variant. Empty outside studies.
         models: as in ``EpisodeConfig``.
+        compared: as in ``EpisodeConfig``.
         clearance_mm: as in ``EpisodeConfig``.
     """
 
@@ -157,6 +175,7 @@ class SweepConfig:
     workers: int = 1
     variants: tuple[Variant, ...] = field(default=(), metadata=MAY_BE_MISSING)
     models: str | None = field(default=None, metadata=MAY_BE_MISSING)
+    compared: tuple[str, ...] = field(default=(), metadata=MAY_BE_MISSING)
     clearance_mm: float | None = field(default=None, metadata=MAY_BE_MISSING)
     most_pieces: int | None = field(default=None, metadata=MAY_BE_MISSING)
 
@@ -169,9 +188,10 @@ class SweepConfig:
                 expected="different part names, separated by commas; name+name for mixed scenes",
             )
         _check_number("scenes", self.scenes, 1, MOST_SCENES)
-        _check_number("seed", self.seed, 0)
+        _check_number("seed", self.seed, 0, LARGEST_INT)
         _check_number("workers", self.workers, 1, MOST_WORKERS)
         object.__setattr__(self, "variants", tuple(self.variants))
+        _check_number("episodes (scenes x parts x variants)", self.planned, 1, MOST_EPISODES)
         if len({variant.name for variant in self.variants}) != len(self.variants):
             raise InputError("variants", got=", ".join(v.name for v in self.variants), expected="different ones")
         _check_common(self)
@@ -184,6 +204,11 @@ class SweepConfig:
     def config_hash(self) -> str:
         """SHA-256 of the canonical JSON without ``workers``, 64 hexadecimal digits."""
         return _hash({k: v for k, v in as_fields(self).items() if k != "workers"})
+
+    @property
+    def planned(self) -> int:
+        """Number of episodes."""
+        return self.scenes * len(self.parts) * max(len(self.variants), 1)
 
     @property
     def pieces_in_words(self) -> str:
@@ -212,6 +237,7 @@ class SweepConfig:
             task=self.task,
             variant=variant,
             models=self.models,
+            compared=self.compared,
             clearance_mm=self.clearance_mm,
         )
 
@@ -281,6 +307,12 @@ def _check_common(config: EpisodeConfig | SweepConfig) -> None:
     if not config.localizer or config.localizer.split() != [config.localizer]:
         expected = f"{', '.join(LOCALIZERS)}, or the name of your own"
         raise InputError("localizer", got=repr(config.localizer), expected=expected)
+    object.__setattr__(config, "compared", tuple(config.compared))
+    names = (config.localizer, *config.compared)
+    if len(set(names)) != len(names):
+        raise InputError(
+            "compared", got=", ".join(config.compared), expected=f"others than {config.localizer}, each once"
+        )
     if config.views not in VIEWS:
         raise InputError("views", got=config.views, expected="2 or 3")
     if config.task not in TASKS:
@@ -297,8 +329,9 @@ def _like_table1(name: str, **changes: Any) -> SweepConfig:
 
 
 PRESETS: dict[str, SweepConfig] = {
-    "table1": _like_table1("table1"),
+    "table1": _like_table1("table1", compared=("previous", "paper")),
     "smoke": _like_table1("smoke", scenes=2),
+    "ladder": _like_table1("ladder", task="none", compared=tuple(name for name in LADDER if name != "focal")),
     "heap": _like_table1("heap", pieces=8, most_pieces=12),
     "shopfloor": _like_table1("shopfloor", scenes=10, sensor="shopfloor", task="none"),
     "calibration": _like_table1(

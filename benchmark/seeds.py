@@ -14,6 +14,7 @@ SCENES: dict[str, range] = {
     "shopfloor": range(120_000, 130_000),
     "calibration": range(130_000, 140_000),
     "teaching": range(140_000, 150_000),
+    "ladder": range(150_000, 160_000),
 }
 """Seeds of sweeps, from which each scene has its own (``benchmark.config.episode_seed``).
 

@@ -63,14 +63,14 @@ def between_markers(document: str, name: str, text: str) -> str:
 
 
 def table1_block(config: SweepConfig, table: Table) -> str:
-    """What the README says first: Table 1, and both extractors together against region growing alone."""
+    """What the README says first: Table 1, and what the three localizers match."""
     scope = (
         f"Table 1, {config.scenes} scenes of {config.pieces_in_words} pieces for each part, sensor `{config.sensor}`"
     )
     blocks = [
         f"{scope} (mean ± standard deviation over the matched pieces at least {_share(BARELY_VISIBLE)}\nvisible):",
         _untitled(_published(table)),
-        "Both extractors together (`focal`) against region growing alone (`focal-region`):",
+        "Our localizer (`focal`), the paper's system (`paper`) and its predecessor (`previous`):",
         _untitled(_focal(table)),
         "In brackets: 95 % Wilson interval. The records are in `results/table1`; `focalpick table results/table1` "
         "prints all of it.",
@@ -186,10 +186,10 @@ def _published(table: Table) -> Grid:
     rows, last = [], None
     for row in table.table1:
         label = "" if row.part == last else SIZED.get(row.part, row.part)
-        rows.append((label, f"{row.method.removeprefix('focal-')}-match", str(row.n), *_beside_published(row)))
+        rows.append((label, row.method, str(row.n), *_beside_published(row)))
         last = row.part
     errors = ("Translation (mm)", "median", "published", "Rotation (°)", "median", "published")
-    columns = ("Object", "Extractor", "n", *errors)
+    columns = ("Object", "Method", "n", *errors)
     return Grid("", columns, tuple(rows))
 
 
@@ -207,16 +207,17 @@ def _beside_published(row: AccuracyRow) -> list[str]:
 def _focal(table: Table) -> Grid:
     rows = []
     for part in table.parts:
-        focal, region = (table.find_success(part, m, "matching", HALF_VISIBLE) for m in ("focal", "focal-region"))
+        methods = ("previous", "paper", "focal")
+        rows_of = {name: table.find_success(part, name, "matching", BARELY_VISIBLE) for name in methods}
+        published = rows_of["paper"].published
         errors = table.find_accuracy(part, "focal", BARELY_VISIBLE).errors
         picks = table.picks[part]
         rows.append(
             (
                 SIZED.get(part, part),
-                _percent(focal.rate),
-                _percent(region.rate),
-                _percent(table.find_success(part, "focal", "matching", BARELY_VISIBLE).rate),
-                NOTHING if focal.published is None else _share(focal.published),
+                _percent(table.find_success(part, "focal", "matching", HALF_VISIBLE).rate),
+                *(_percent(rows_of[name].rate) for name in reversed(methods)),
+                NOTHING if published is None else _share(published),
                 share_text(table.find_false_poses(part, "focal")),
                 *(f"{text(errors['translation_mm'])} mm, {text(errors['tilt_deg'])}°" for text in (_mean, _median)),
                 f"{picks.successes} of {picks.n}",
@@ -225,9 +226,10 @@ def _focal(table: Table) -> Grid:
     columns = (
         "Object",
         "matched, focal, ≥ 50 % visible",
-        "region growing alone",
         "focal, ≥ 10 % visible",
-        "published, all pieces",
+        "paper",
+        "previous",
+        "paper, published, all pieces",
         "false poses",
         "mean error of the final pose",
         "median",

@@ -19,6 +19,7 @@ from robot.grasps import GraspChoice, GraspParameters, GraspPlan, OpenedGrasp, P
 from robot.gripper_geometry import Boxes, GripperGeometry
 from robot.kinematics import ArmKinematics
 from robot.trajectory import cartesian_line, cartesian_path
+from vision.frozen import frozen_arrays
 
 Array = NDArray[np.float64]
 
@@ -30,6 +31,7 @@ _DESCENT_STEP_M = 0.005  # between two looks at the gripper on its way down to t
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class _Candidate:
     piece: int
     grasp: OpenedGrasp

@@ -17,6 +17,7 @@ from robot.grasps import Piece
 from robot.gripper_geometry import Boxes, GripperGeometry
 from robot.kinematics import ArmKinematics
 from robot.trajectory import Trajectory, cartesian_path
+from vision.frozen import frozen_arrays
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,7 @@ _SPEED, _DRAG_SPEED = 0.6, 0.3
 
 
 @dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Tip:
     """A piece to be tipped over.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vision.errors import InputError
 from vision.features import EllipseFeature, Extractor
 from vision.frozen import frozen_arrays
-from vision.grouping.edge_grouping import Grouping, GroupingParameters, group_edges
+from vision.grouping.edge_grouping import Grouping, GroupingParameters, find_fragments, group_edges
 from vision.regions.attributes import AttributeConstraints
 from vision.regions.quadtree import SplitAndMergeParameters
 from vision.regions.region_ellipses import BoundaryFitParameters, region_ellipses
@@ -138,6 +138,11 @@ class Arc:
 
     points: Array
     inwards: Array
+
+
+def arcs_in(gray: NDArray[np.uint8], shortest_px: float, thresholds: ExtractionThresholds | None = None) -> list[Arc]:
+    """The arcs of an image for which edge grouping was not asked: its fragments are found, and no ellipse."""
+    return arcs_of(find_fragments(gray, (thresholds or ExtractionThresholds()).grouping), shortest_px)
 
 
 def arcs_of(grouping: Grouping, shortest_px: float) -> list[Arc]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
-from vision.extraction import Arc, Extraction, ExtractionThresholds, arcs_of, run_extractors
+from vision.extraction import Arc, Extraction, ExtractionThresholds, Grouping, arcs_in, arcs_of, run_extractors
 from vision.features import EllipseFeature, Extractor
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace, depth_range
@@ -195,7 +195,7 @@ class EllipseLocalizer:
             return Localization(())
         seen = [self.features_and_arcs(v, workspace) for v in flat]
         features, arcs = [s[0] for s in seen], [s[1] for s in seen]
-        estimates = self._match(flat, features, arcs, workspace, joint_edges=len(self.extractors) > 1)
+        estimates = self._match(flat, features, arcs, workspace)
         return Localization(estimates, tuple(tuple(f) for f in features))
 
     def alone(
@@ -203,7 +203,7 @@ class EllipseLocalizer:
     ) -> dict[str, tuple[PoseEstimate, ...]]:
         """What the localizer with one extractor would have said, by its name, from the ellipses of a localization.
 
-        One extractor's poses are refined on its own ellipses, as in the predecessor system [18].
+        Everything but the ellipses is the same, the arcs and the edges that poses are fitted to included.
 
         Args:
             views: those of the localization.
@@ -213,19 +213,26 @@ class EllipseLocalizer:
         if len(self.extractors) == 1 or not views:
             return dict.fromkeys([f"focal-{extractor}" for extractor in self.extractors], localization.estimates)
         flat = [v.undistorted() for v in views]
+        arcs = [self._arcs(v, workspace, None) for v in flat]
         answers: dict[str, tuple[PoseEstimate, ...]] = {}
         for extractor in self.extractors:
             mine = [[f for f in found if f.extractor == extractor] for found in localization.features]
-            answers[f"focal-{extractor}"] = self._match(flat, mine, (), workspace, joint_edges=False)
+            answers[f"focal-{extractor}"] = self._match(flat, mine, arcs, workspace)
         return answers
 
     def features_and_arcs(self, view: View, workspace: Workspace | None) -> tuple[list[EllipseFeature], list[Arc]]:
-        """The ellipses of a view, and the arcs to fall back on where both extractors are at work."""
+        """The ellipses of a view, and the arcs to fall back on."""
         found = self.extraction(view, workspace)
-        arcs: list[Arc] = []
-        if found.grouping is not None and workspace is not None and len(self.extractors) > 1:
-            arcs = arcs_of(found.grouping, SHORTEST_ARC * self._outline_px(view, workspace))
-        return list(found.features), arcs
+        return list(found.features), self._arcs(view, workspace, found.grouping)
+
+    def _arcs(self, view: View, workspace: Workspace | None, grouping: Grouping | None) -> list[Arc]:
+        """The arcs of a view, from its fragments, where these are known already."""
+        if workspace is None or not self.parameters.arcs:
+            return []
+        shortest_px = SHORTEST_ARC * self._outline_px(view, workspace)
+        if grouping is None:
+            return arcs_in(view.gray, shortest_px, common_thresholds(self.models))
+        return arcs_of(grouping, shortest_px)
 
     def extraction(self, view: View, workspace: Workspace | None = None) -> Extraction:
         """What every stage of the extractors finds in one view with a distortion-free lens."""
@@ -256,15 +263,12 @@ class EllipseLocalizer:
         features: Sequence[Sequence[EllipseFeature]],
         arcs: Sequence[Sequence[Arc]],
         workspace: Workspace | None,
-        *,
-        joint_edges: bool,
     ) -> tuple[PoseEstimate, ...]:
-        parameters = replace(self.parameters, joint_edges=joint_edges and self.parameters.joint_edges)
         fields = [EdgeField.from_gray(v.gray) for v in views]
         found = [
             estimate
             for model in self.models
-            for estimate in Matcher(views, fields, model, workspace, parameters).match(features, arcs)
+            for estimate in Matcher(views, fields, model, workspace, self.parameters).match(features, arcs)
         ]
         return tuple(sorted(found, key=lambda e: -e.score))
 

@@ -22,6 +22,7 @@ from benchmark.commands.common import (
     print_line,
     split_parts,
 )
+from benchmark.interrupts import ended_in_order
 from vision.errors import InputError
 
 if TYPE_CHECKING:
@@ -59,7 +60,8 @@ def sweep(
     Example: focalpick sweep --parts hub,cover2 --scenes 5 --out results/mine
 
     Args:
-        preset: table1 (35 scenes of each part, the paper's experiment) or smoke (2 of each); heap (8 to 12 pieces in
+        preset: table1 (35 scenes of each part, the paper's experiment) or smoke (2 of each); ladder (from the paper's
+            predecessor to our localizer, one idea at a time, on the same pictures); heap (8 to 12 pieces in
             the same bin); shopfloor (10 scenes with the sensor of that name); calibration (every scene again for
             hand-eye errors from 0 to 2 mm) or teaching (again with models taught by clicks that err by 0 to 5 pixels
             in 2 to 5 views). Each has its own seeds.
@@ -96,6 +98,8 @@ def sweep(
         most_pieces=most,
         sensor=sensor,
         localizer=localizer,
+        # A preset compares its own localizer with others; with another one there is nothing to compare.
+        compared=None if localizer is None else (),
         views=views,
         task=task,
         workers=workers,
@@ -105,8 +109,11 @@ def sweep(
     )
     out = out or Path("results") / preset
     prepare_process()
-    check_localizer(config.localizer, config.part_names, config.models)
-    with SweepProgress(config.workers) as progress:
+    for name in (config.localizer, *config.compared):
+        check_localizer(name, config.part_names, config.models)
+    import benchmark.episodes.episode  # noqa: F401  # loads the simulator, while Ctrl-C still ends that at once
+
+    with ended_in_order(), SweepProgress(config.workers) as progress:
         records = _run(config, out, progress, episode_limit or None)
     Console(stderr=True).print(timing_table(records))
     for record in records:

@@ -66,8 +66,11 @@ class _Shown:
 
 def _table(config: SweepConfig, records: list[EpisodeRecord]) -> _Shown:
     from benchmark.report import table_text
+    from benchmark.report.ladder import is_ladder
     from benchmark.report.tables import build_table, to_dict
 
+    if is_ladder(config):
+        return _ladder(config, records)
     result = build_table(config, records)
 
     def draw(directory: Path) -> list[Path]:
@@ -80,6 +83,23 @@ def _table(config: SweepConfig, records: list[EpisodeRecord]) -> _Shown:
         partial(table_text.as_markdown, result),
         partial(table_text.print_table, result),
         draw,
+    )
+
+
+def _ladder(config: SweepConfig, records: list[EpisodeRecord]) -> _Shown:
+    from benchmark.report.figures import save_figures
+    from benchmark.report.grid import grids_as_markdown, print_grids
+    from benchmark.report.ladder import build_ladder, ladder_grid, ladder_to_dict
+    from benchmark.report.table_text import remarks
+    from benchmark.report.tables import build_table
+
+    table, rows = build_table(config, records), build_ladder(config, records)
+    shown, lines = [ladder_grid(rows)], remarks([table])
+    return _Shown(
+        lambda: {"ladder": ladder_to_dict(rows), "config_hash": config.config_hash},
+        lambda: grids_as_markdown(shown, lines),
+        lambda console: print_grids(shown, lines, console),
+        lambda directory: save_figures(table, records, directory),
     )
 
 

@@ -9,6 +9,8 @@ import tyro
 
 from benchmark.child_process import ended_by_signals
 from benchmark.commands.common import OptionalPath, prepare_process, print_line
+from benchmark.interrupts import ended_in_order
+from vision import kernel_cache
 from vision.errors import InputError
 
 _OptionalName = Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(optional)")]
@@ -57,8 +59,7 @@ def teach(
         expected = "exactly one of --part, --views, --mesh and --replay"
         raise InputError("arguments", got=" and ".join(given) or "none of them", expected=expected)
     prepare_process()
-    with ended_by_signals():
-        _open_page(part, views, mesh, unit, diameter_mm, dir, out, port, show)
+    _open_page(part, views, mesh, unit, diameter_mm, dir, out, port, show)
     return 0
 
 
@@ -83,10 +84,12 @@ def _open_page(
         directory, services = open_mesh(mesh, unit, dir)
     else:
         directory, services = open_part(str(part), dir)
-    serve(directory, out or directory / "model.json", services, port, show)
+    with ended_in_order(), ended_by_signals():
+        serve(directory, out or directory / "model.json", services, port, show)
 
 
 def _replay(session: Path, out: Path | None) -> int:
+    kernel_cache.require()
     from vision.model.model_file import model_to_json, save_model
     from vision.teaching.session_file import replay
 

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import tyro
 
+from benchmark.interrupts import ended_in_order
 from vision.errors import InputError, ResourceError
 
 
@@ -31,13 +32,14 @@ def view(
         raise ResourceError("viewer: got no display; expected DISPLAY or WAYLAND_DISPLAY. Add --web for the browser")
     command = [sys.executable, "-m", "rerun_cli", *(["--web-viewer"] if web else []), *map(str, recordings)]
     # The viewer is a wrapper around a native process, which would outlive it: both get a group of their own.
-    process = subprocess.Popen(command, start_new_session=True)
-    try:
-        return 0 if process.wait() == 0 else 1
-    finally:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGTERM)
-            process.wait()
+    with ended_in_order():
+        process = subprocess.Popen(command, start_new_session=True)
+        try:
+            return 0 if process.wait() == 0 else 1
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGTERM)
+                process.wait()
 
 
 def _recordings(path: Path) -> list[Path]:

@@ -83,8 +83,8 @@ def run_episode(
         with clock.stage("drop"):
             dropped = cell.drop(drop_rng, on_step, sensor)
         referee = Referee(cell, dropped, config.models, observer.localized, observer.looked)
-        localizer = _localizer(config, study, referee.truth, calibration_error(sensor))
-        referee.judge_for(localizer)
+        localizer, *compared = _localizers(config, study, referee.truth, calibration_error(sensor))
+        referee.judge_for(localizer, compared, clock)
         clock.follow(lambda: float(cell.data.time))
         watch = StepWatch(cell) if config.task not in ("none", "pick") else None
         bench = Workbench(
@@ -103,7 +103,7 @@ def run_episode(
         for attempt in make_task(config.task).run(bench, cells.looks(config)):
             attempts.append(referee.attempted(attempt))
             observer.attempted(attempts[-1])
-    verdict = referee.verdict or Verdict((), {}, {}, ())
+    verdict = referee.verdict or Verdict((), {}, ())
     return EpisodeRecord(
         key=config.key,
         parts=config.parts,
@@ -128,15 +128,18 @@ def _sensor(config: EpisodeConfig) -> SensorConfig:
     return sensor if hand_eye_mm is None else with_hand_eye_error(sensor, hand_eye_mm / 1000)
 
 
-def _localizer(config: EpisodeConfig, study: Path | None, truth: Truth, calibration: CalibrationError) -> Localizer:
-    """What the episode's localizer is, with the models that the episode's variant has been taught."""
+def _localizers(
+    config: EpisodeConfig, study: Path | None, truth: Truth, calibration: CalibrationError
+) -> list[Localizer]:
+    """The episode's localizer and those compared with it, with the models that its variant has been taught."""
+    names = (config.localizer, *config.compared)
     if config.variant is None or not config.variant.is_taught:
         models = [load_model(part, config.models) for part in config.parts]
-        return make_localizer(config.localizer, models, truth, calibration)
+        return [make_localizer(name, models, truth, calibration) for name in names]
     if study is None:
         expected = "the directory of the sweep in which it was taught"
         raise InputError(f"models of variant {config.variant.name}", got="none", expected=expected)
     models = taught_models(study, config.variant, config.parts)
     if not models:
-        return NothingTaught(config.localizer)
-    return make_localizer(config.localizer, models, truth, calibration)
+        return [NothingTaught(name) for name in names]
+    return [make_localizer(name, models, truth, calibration) for name in names]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -30,10 +30,10 @@ from vision.geometry.camera import View
 from vision.geometry.circle import Circle, project_circle
 from vision.geometry.ellipse import Ellipse, overlap
 from vision.localizer import PRESETS, Localization
+from vision.model.projection import GRAZING_COSINE
 from vision.pose.estimate import PoseEstimate
 
 Array = NDArray[np.float64]
-FACING_COSINE = 0.12  # a circle seen more obliquely than 83 degrees makes no salient ellipse
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,14 +60,27 @@ class Verdict:
     Attributes:
         pieces: one record for each piece.
         false_positives: by method, the number of poses that belong to no piece.
-        false_probabilities: by method, with which it says of those poses that they are right, where it says so.
         owner: for each of the localizer's estimates, the piece it belongs to or None.
+        false_probabilities: by method, with which it says of the false poses that they are right, where it says so.
     """
 
     pieces: tuple[PieceRecord, ...]
     false_positives: dict[str, int]
-    false_probabilities: dict[str, tuple[float, ...]]
     owner: tuple[int | None, ...]
+    false_probabilities: dict[str, tuple[float, ...]] = field(default_factory=dict)
+
+    def beside(self, other: Verdict) -> Verdict:
+        """This verdict with the results of another localizer on the same pieces."""
+        pieces = tuple(
+            replace(mine, results={**mine.results, **theirs.results})
+            for mine, theirs in zip(self.pieces, other.pieces, strict=True)
+        )
+        return replace(
+            self,
+            pieces=pieces,
+            false_positives={**self.false_positives, **other.false_positives},
+            false_probabilities={**self.false_probabilities, **other.false_probabilities},
+        )
 
 
 def judge(
@@ -101,8 +114,8 @@ def judge(
     return Verdict(
         tuple(records),
         {name: len(a.false_positives) for name, a in assignments.items()},
-        {name: _probabilities([answers[name][i] for i in a.false_positives]) for name, a in assignments.items()},
         tuple(owner.get(i) for i in range(len(localization.estimates))),
+        {name: _probabilities([answers[name][i] for i in a.false_positives]) for name, a in assignments.items()},
     )
 
 
@@ -182,7 +195,7 @@ def _salient_ellipses(piece: TruePiece, views: Sequence[View], models: str | Non
 
 def _image(circle: Circle, view: View) -> Ellipse | None:
     towards = view.T_world_camera.translation - circle.centre
-    faces = circle.normal @ towards > FACING_COSINE * np.linalg.norm(towards)
+    faces = circle.normal @ towards > GRAZING_COSINE * np.linalg.norm(towards)
     return project_circle(circle, view) if faces else None
 
 

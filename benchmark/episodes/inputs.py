@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 from collections.abc import Iterator
+from modulefinder import ModuleFinder
 from pathlib import Path
 
 from benchmark.config import SweepConfig
@@ -14,7 +16,9 @@ from vision.errors import InputError
 
 
 def input_digests(config: SweepConfig) -> dict[str, str]:
-    """SHA-256 of every file that the user may change: meshes, vision models, the module of the user's localizer.
+    """SHA-256 of every file that the user may change: meshes, vision models, the user's localizer.
+
+    To the localizer belongs what its module imports from its own folder.
 
     Args:
         config: of the sweep.
@@ -34,8 +38,19 @@ def _files(config: SweepConfig) -> Iterator[tuple[str, Path]]:
         if (mesh := MeshReference.parse(part)) is not None:
             yield f"mesh {mesh.path}", mesh.path
         yield f"vision model of {part}", model_path(part, config.models)
-    if (module := user_file(config.localizer)) is not None:
-        yield f"localizer {config.localizer} in {module.name}", module
+    for name in (config.localizer, *config.compared):
+        if (module := user_file(name)) is not None:
+            yield f"localizer {name} in {module.name}", module
+            yield from ((f"{path.name} of localizer {name}", path) for path in _imported(module))
+
+
+def _imported(module: Path) -> list[Path]:
+    """What a module imports of the files in its own folder, directly or through each other."""
+    finder = ModuleFinder([str(module.parent)])
+    with contextlib.suppress(SyntaxError, UnicodeDecodeError, ImportError):  # whoever imports it says so
+        finder.run_script(str(module))
+    files = (getattr(found, "__file__", None) for found in finder.modules.values())
+    return sorted({Path(file) for file in files if file} - {module})
 
 
 def _digest(path: Path) -> str:

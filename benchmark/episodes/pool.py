@@ -19,12 +19,14 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import Any, Generic, TypeVar
 
-from benchmark.child_process import begin_worker, single_threaded, uninterrupted
+from benchmark.child_process import single_threaded
 from vision.errors import ResourceError
+from vision.teaching.editor.child_process import begin_child, uninterrupted
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -111,6 +113,7 @@ class Pool(Generic[Task, Result]):
         occupied = sum(worker.task is not None for worker in self._crew)
         while len(self._crew) < min(self._size, occupied + len(self._waiting)):
             try:
+                resource_tracker.ensure_running()  # the first process would start it, and it unblocks signals then
                 with uninterrupted():  # a process that nobody knows of would be left
                     self._crew.append(_Worker(self._function))
             except OSError as error:
@@ -245,7 +248,7 @@ def _ending(code: int | None) -> str:
 
 def _work(connection: Connection, pickled: bytes) -> None:
     """The life of a worker: says that it is ready, and answers each task until nobody sends any more."""
-    begin_worker()
+    begin_child()
     with contextlib.suppress(EOFError, ConnectionError):
         try:
             function = pickle.loads(pickled)

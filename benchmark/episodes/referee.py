@@ -11,15 +11,16 @@ from scipy.spatial.transform import RigidTransform
 from benchmark.episodes.cells import workspace
 from benchmark.episodes.evaluation import TruePiece, Verdict, assign_estimates, judge
 from benchmark.localizers.registry import with_single_extractor_answers
-from benchmark.records.episode_record import AttemptRecord, PickRecord
+from benchmark.records.episode_record import AttemptRecord, PickRecord, vision_stage
 from benchmark.tasks.attempt import Attempt
 from benchmark.tasks.bench import Witness
+from benchmark.tasks.clock import Clock
 from benchmark.world.cell import WorkCell
 from benchmark.world.drop import DropResult
 from benchmark.world.parts import get_part
 from benchmark.world.watch import Watched
 from vision.geometry.camera import View
-from vision.localizer import Localization, Localizer
+from vision.localizer import PRESETS, Localization, Localizer
 
 Array = NDArray[np.float64]
 ON_AXIS_M, ON_AXIS_RAD = 0.002, float(np.radians(5))  # more play than any bore leaves a peg that is in it
@@ -57,9 +58,15 @@ class Referee(Witness):
         self._in_tray = self.in_tray()
         self.verdict: Verdict | None = None
 
-    def judge_for(self, localizer: Localizer) -> None:
-        """Say whose localisations will be judged."""
-        self._localizer = localizer
+    def judge_for(self, localizer: Localizer, compared: Sequence[Localizer], clock: Clock) -> None:
+        """Say whose localisations will be judged.
+
+        Args:
+            localizer: the one that the robot follows.
+            compared: others, which are shown the first look, too.
+            clock: counts their time.
+        """
+        self._localizer, self._compared, self._clock = localizer, tuple(compared), clock
 
     def truth(self) -> list[tuple[str, RigidTransform]]:
         """Part and true pose of every piece that lies where a localizer looks for it; for the oracle alone."""
@@ -80,12 +87,24 @@ class Referee(Witness):
         """Judge the first localisation; of the others note which estimate is which piece."""
         pieces = self._pieces()
         if self.verdict is None:
-            space = workspace(self._cell.config)
-            localization = with_single_extractor_answers(self._localizer, localization, views, space)
-            self.verdict = judge(localization, self._localizer.name, pieces, self._true_views, self._models)
+            localization = self._with_single_extractors(views, localization)
+            self.verdict = self._judged(self._localizer, localization, pieces)
+            for other in self._compared:
+                with self._clock.stage(vision_stage(other.name)):
+                    answer = other.localize(views, workspace(self._cell.config))
+                self.verdict = self.verdict.beside(self._judged(other, answer, pieces))
             self._told(localization, self.verdict)
         pairs = dict(assign_estimates(localization.estimates, pieces).pairs)
         self._owner = tuple(pairs.get(i) for i in range(len(localization.estimates)))
+
+    def _judged(self, localizer: Localizer, localization: Localization, pieces: Sequence[TruePiece]) -> Verdict:
+        return judge(localization, localizer.name, pieces, self._true_views, self._models)
+
+    def _with_single_extractors(self, views: Sequence[View], localization: Localization) -> Localization:
+        """With what each extractor alone would have said, unless localizers of that kind are compared anyway."""
+        if {other.name for other in self._compared} & set(PRESETS):
+            return localization
+        return with_single_extractor_answers(self._localizer, localization, views, workspace(self._cell.config))
 
     def attempted(self, attempt: Attempt) -> AttemptRecord:
         """Judge an attempt that has just ended."""

@@ -149,16 +149,21 @@ def _compiled_first(
     tell: Callable[[str], None] | None,
 ) -> Iterator[EpisodeRecord]:
     """The first episode alone where there are kernels to compile, and the others side by side."""
-    if tell is not None and configs and not compiling.is_done(localizer := configs[0].localizer):
+    if tell is not None and configs and not compiling.is_done(localizers := _localizers(configs[0])):
         with compiling.alone(lambda: tell("another process is compiling the vision kernels; waiting for it")):
-            if not compiling.is_done(localizer):
+            if not compiling.is_done(localizers):
                 kept = "" if kernel_cache.is_kept() else f"; {kernel_cache.ANEW}"
                 tell(f"the first episode compiles the vision kernels, which may take minutes{kept}")
                 begin = time.monotonic()
                 for record in run(configs[:1], compiling.LIMIT_S):
                     if record.error is None:
-                        compiling.note_done(localizer)
+                        compiling.note_done(localizers)
                         tell(f"the kernels are compiled; the first episode took {time.monotonic() - begin:.0f} s")
                     yield record
                 configs = configs[1:]
     yield from run(configs, 0.0)
+
+
+def _localizers(config: EpisodeConfig) -> str:
+    """The localizers at work in an episode, which need one kernel or another."""
+    return ",".join([config.localizer, *config.compared])

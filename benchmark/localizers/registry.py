@@ -7,6 +7,8 @@ from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
 
+from benchmark.config import LADDER
+from benchmark.localizers.ladder import make_rung
 from benchmark.localizers.oracle import Oracle, Truth
 from benchmark.localizers.user import REFERENCE, WatchedLocalizer, imported, make_watched, source_file
 from vision.errors import InputError
@@ -44,6 +46,8 @@ def make_localizer(
         return EllipseLocalizer(models, name, MatchingParameters(calibration=calibration))
     if name in PAPER_PRESETS:
         return PaperLocalizer(models, name)
+    if (rung := make_rung(name, models, MatchingParameters(calibration=calibration))) is not None:
+        return rung
     refuse_old_name(name)
     if ":" in name:
         return make_watched(name, lambda: imported(name), models)
@@ -56,7 +60,7 @@ def make_localizer(
 
 def user_file(name: str) -> Path | None:
     """The file of the module that a user's localizer comes from; None where there is none, as for focalpick's own."""
-    if name == "oracle" or name in PRESETS or name in PAPER_PRESETS:
+    if name == "oracle" or name in LADDER:
         return None
     modules = {point.name: point.module for point in entry_points(group=ENTRY_POINTS)}
     module = name.partition(":")[0] if ":" in name else modules.get(name, "")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from benchmark.strict_json import MAY_BE_MISSING, decode
@@ -17,6 +17,11 @@ from vision.errors import FileFormatError, InputError
 
 SCHEMA = 1
 STAGES = ("drop", "render", "vision", "motion", "total")
+
+
+def vision_stage(compared: str) -> str:
+    """The stage in which a localizer works that was compared with the episode's own, by its name."""
+    return f"vision of {compared}"
 
 
 @dataclass(frozen=True)
@@ -221,7 +226,7 @@ class EpisodeRecord:
         false_positives: by localizer, the number of poses that belong to no piece.
         false_probabilities: by localizer, with which it says of those poses that they are right, where it says so;
             empty too in a record that is older than this field.
-        timings_s: wall time in seconds under the names in ``STAGES``.
+        timings_s: wall time in seconds under the names in ``STAGES``, and ``vision_stage`` of what was compared.
         error: one line that says why the episode did not finish; None when it did.
         attempts: of the task, in the order in which they were made; empty in a record that is older than this field.
         places: where every piece was in the end: ``tray``, ``bin`` or ``lost``; empty where no task was done, or the
@@ -242,11 +247,6 @@ class EpisodeRecord:
     false_probabilities: dict[str, tuple[float, ...]] = field(default_factory=dict, metadata=MAY_BE_MISSING)
     attempts: tuple[AttemptRecord, ...] = field(default=(), metadata=MAY_BE_MISSING)
     places: tuple[str, ...] = field(default=(), metadata=MAY_BE_MISSING)
-
-
-def strip_timings(record: EpisodeRecord) -> EpisodeRecord:
-    """The record without what differs between two runs of one seed on one machine."""
-    return replace(record, timings_s={})
 
 
 def to_json(record: EpisodeRecord) -> str:

@@ -18,6 +18,7 @@ from benchmark.config import SweepConfig, as_fields
 from benchmark.records.episode_record import SCHEMA, EpisodeRecord, from_json, parse_object, to_json
 from benchmark.strict_json import decode
 from vision.errors import FileFormatError, InputError, ResourceError
+from vision.files.regular import check_regular
 
 SWEEP_FILE = "sweep.json"
 EPISODES_FILE = "episodes.jsonl"
@@ -220,19 +221,14 @@ def _unpacked(path: Path) -> str:
 
 def _check_place(directory: Path) -> None:
     """Refuse what would block for ever or litter: a pipe in the records' place, the working directory itself."""
-    _check_regular(directory / EPISODES_FILE)
+    check_regular(directory / EPISODES_FILE)
     if directory.resolve() == Path.cwd() and not (directory / SWEEP_FILE).exists():
         do = "Name a directory, such as --out results/mine."
         raise InputError("output", got=f"the working directory, {directory}", expected="one of its own", do=do)
 
 
-def _check_regular(path: Path) -> None:
-    if path.exists() and not path.is_file():  # opening a pipe waits for its other end
-        raise InputError(str(path), got="a directory, a pipe or a device", expected="a regular file")
-
-
 def _read(path: Path) -> str:
-    _check_regular(path)
+    check_regular(path)
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:

@@ -17,15 +17,14 @@ from numpy.typing import NDArray
 from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE
 from benchmark.records.episode_record import EpisodeRecord
 from benchmark.report.published import TITLES
-from benchmark.report.table_text import EXTRACTOR_TITLES
-from benchmark.report.tables import STAGES, Table, table1_order
+from benchmark.report.tables import EXTRACTORS, STAGES, Table
 from vision.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = {"focal-region": "#9aa5b1", "focal-group": "#c98f3c", "focal": "#1f6f8b"}
+COLOURS = {"previous": "#9aa5b1", "paper": "#c98f3c", "focal": "#1f6f8b"}
 OTHER_COLOURS = ("#7a4f9a", "#4f9a5d", "#b0413e")
 PUBLISHED = "#d1495b"
 STYLE = {
@@ -108,7 +107,7 @@ def draw_reliability(table: Table) -> Figure:
 
 
 def _draw_rates(ax: Axes, table: Table, stage: str) -> None:
-    methods = [method for method in table.methods if method != "focal-group"]
+    methods = [method for method in table.shown if method not in EXTRACTORS] or list(table.shown)
     width = 0.8 / len(methods)
     positions = np.arange(len(table.parts))
     for i, method in enumerate(methods):
@@ -120,30 +119,33 @@ def _draw_rates(ax: Axes, table: Table, stage: str) -> None:
                 reach = [[rate.rate - rate.low], [rate.high - rate.rate]]
                 ax.errorbar(xi, rate.rate, reach, color="#222222", linewidth=1.2, capsize=3)
             ax.text(xi, 0.02, f"n={rate.n}", ha="center", color="white" if rate.rate else "#555555", fontsize=8)
-    _draw_published(ax, table, stage, positions + (methods.index("focal") - (len(methods) - 1) / 2) * width, width)
+    if "paper" in methods:
+        at = positions + (methods.index("paper") - (len(methods) - 1) / 2) * width
+        _draw_published(ax, table, stage, at, width)
     ax.set_xticks(positions, [TITLES.get(part, part) for part in table.parts])
     ax.tick_params(axis="x", length=0)
     ax.set_ylim(0, 1.03)
 
 
 def _draw_published(ax: Axes, table: Table, stage: str, centres: NDArray[np.floating], width: float) -> None:
-    label = "focal, published (all pieces)"
+    label = "paper, published (all pieces)"
     for x, part in zip(centres, table.parts, strict=True):
-        published = table.find_success(part, "focal", stage, HALF_VISIBLE).published
+        published = table.find_success(part, "paper", stage, HALF_VISIBLE).published
         if published is not None:
             ax.hlines(published, x - width * 0.55, x + width * 0.55, color=PUBLISHED, linewidth=2.2, label=label)
             label = "_nolegend_"  # once is enough
 
 
 def draw_errors(table: Table, records: Sequence[EpisodeRecord]) -> Figure:
-    """Every matched piece's translation and tilt error by part and extractor; bars mark the median and quartiles."""
-    order = table1_order(table.parts)
+    """Every matched piece's translation and tilt error by part and localizer; bars mark the median and quartiles."""
+    methods = [method for method in table.shown if method not in EXTRACTORS] or list(table.shown)
+    order = [(part, method) for part in table.parts for method in methods]
     figure, axes = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained")
     titles = {"translation_mm": "Translation error (mm)", "tilt_deg": "Tilt error (°)"}
     for ax, (quantity, title) in zip(axes, titles.items(), strict=True):
-        for i, (part, extractor) in enumerate(order):
-            _draw_cloud(ax, i, _matched_errors(records, part, extractor, quantity), COLOURS[extractor])
-        labels = [f"{TITLES.get(part, part)}\n{EXTRACTOR_TITLES[extractor]}" for part, extractor in order]
+        for i, (part, method) in enumerate(order):
+            _draw_cloud(ax, i, _matched_errors(records, part, method, quantity), _colour(method, i))
+        labels = [f"{TITLES.get(part, part)}\n{method}" for part, method in order]
         ax.set_xticks(range(len(order)), labels, rotation=30, ha="right", rotation_mode="anchor", fontsize=8)
         ax.set_xlim(-0.6, len(order) - 0.4)
         ax.set_ylim(bottom=0)
@@ -164,11 +166,11 @@ def _draw_cloud(ax: Axes, position: int, values: Sequence[float], colour: str) -
     ax.hlines(median, position - 0.3, position + 0.3, color="#222222", linewidth=2)
 
 
-def _matched_errors(records: Sequence[EpisodeRecord], part: str, extractor: str, quantity: str) -> list[float]:
+def _matched_errors(records: Sequence[EpisodeRecord], part: str, method: str, quantity: str) -> list[float]:
     """Errors of the pieces that Table 1 is made of."""
     pieces = [p for record in records if record.error is None for p in record.pieces]
     counted = [p for p in pieces if p.part == part and p.in_bin and p.visibility >= BARELY_VISIBLE]
-    results = [p.results[extractor] for p in counted if extractor in p.results]
+    results = [p.results[method] for p in counted if method in p.results]
     values = [getattr(r.errors, quantity) for r in results if r.matched and r.errors is not None]
     return [value for value in values if value is not None]
 

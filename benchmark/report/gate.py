@@ -27,6 +27,7 @@ from benchmark.episodes.metrics import HALF_VISIBLE
 from benchmark.report.published import PARTS
 from benchmark.report.tables import METHODS, QUANTITIES, STAGES, Table
 from vision.errors import FileFormatError, InputError
+from vision.files.regular import check_regular
 
 RATE_KEYS = tuple(f"{stage}_rate_low" for stage in STAGES)
 ERROR_KEYS = tuple(f"{quantity}_{name}" for quantity in QUANTITIES for name in ("mean", "median"))
@@ -104,11 +105,11 @@ def read_thresholds(path: Path) -> Thresholds:
     """Read a thresholds file.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: it cannot be read, or is no regular file.
         FileFormatError: not TOML, an unknown section or key (the message lists the valid ones), or no number.
     """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        content = tomllib.loads(check_regular(path).read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise InputError(f"thresholds {path}", got=error.strerror, expected="a readable TOML file") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

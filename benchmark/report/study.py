@@ -11,7 +11,7 @@ from benchmark.config import SweepConfig, Variant, episodes
 from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary
 from benchmark.records.episode_record import EpisodeRecord
 from benchmark.report.circle_errors import CircleErrors
-from benchmark.report.published import TABLE_1, PublishedErrors
+from benchmark.report.published import ROW_OF, TABLE_1, PublishedErrors
 from benchmark.report.rate import Rate
 from benchmark.report.tables import EXTRACTORS, METHODS, Table, build_table
 
@@ -156,7 +156,7 @@ def build_study(
 
 def study_to_dict(study: Study) -> dict[str, object]:
     """The study as plain values for JSON."""
-    methods = dict.fromkeys(method for table in study.tables.values() for method in table.methods)
+    methods = dict.fromkeys(method for table in study.tables.values() for method in table.shown)
     return {
         "curves": [
             {"part": part, "method": method, **asdict(point)}
@@ -201,7 +201,7 @@ def last_within(x: Sequence[float], y: Sequence[float | None], limit: float) -> 
 def _published(part: str, method: str) -> PublishedErrors | None:
     """The row of Table 1 that a method is held to."""
     if method in EXTRACTORS:
-        return TABLE_1.get((part, method))
+        return TABLE_1.get((part, ROW_OF[method]))
     rows = [row for (name, _), row in TABLE_1.items() if name == part]
     return min(rows, key=lambda row: row.translation_mm_mean, default=None)
 

@@ -21,7 +21,7 @@ from benchmark.report.grid import (
     share_text,
 )
 from benchmark.report.study import CalibrationLimit, Crossing, CurvePoint, Study
-from benchmark.report.table_text import EXTRACTOR_TITLES, remarks
+from benchmark.report.table_text import remarks
 
 TextOf = Callable[[Study, str, Variant], str]
 
@@ -97,7 +97,7 @@ def _limits(limits: list[CalibrationLimit]) -> Grid:
     rows = tuple(
         (
             title if i == 0 or titles[i - 1] != title else "",
-            EXTRACTOR_TITLES.get(limit.method, limit.method),
+            limit.method,
             f"{limit.published.translation_mm_mean:.1f}",
             _crossing(limit.translation),
             f"{limit.published.rotation_deg_mean:.1f}",

@@ -19,13 +19,13 @@ from benchmark.report.grid import (
     print_grids,
     rate_text,
 )
-from benchmark.report.published import PublishedErrors
+from benchmark.report.published import ROW_OF, PublishedErrors
 from benchmark.report.rate import Rate
 from benchmark.report.reliability import reliability_grid
-from benchmark.report.tables import STAGES, AccuracyRow, Table
+from benchmark.report.tables import EXTRACTORS, OF_THE_PAPER, STAGES, AccuracyRow, Table
 from benchmark.report.task_rows import task_grids
 
-EXTRACTOR_TITLES = {"focal-region": "Region-match", "focal-group": "Group-match"}
+ROW_TITLES = {"region": "region-match", "group": "group-match"}
 STAGE_TITLES = {
     "extraction": "Fig. 10 (a)  Feature extraction success",
     "matching": "Fig. 10 (b)  Feature matching success",
@@ -72,7 +72,7 @@ def _table1(table: Table) -> Grid:
         title="Table 1  Localization error, mean ± standard deviation over matched pieces",
         columns=(
             "Object",
-            "Extractor",
+            "Method",
             "n",
             "Translation (mm)",
             "median",
@@ -80,17 +80,18 @@ def _table1(table: Table) -> Grid:
             "Rotation (°)",
             "median ",
             "published ",
+            "published as",
         ),
         rows=rows,
         sections=last_of_each(parts),
-        quiet=frozenset({"published", "published "}),
+        quiet=frozenset({"published", "published ", "published as"}),
         note=f"Pieces at least {BARELY_VISIBLE:.0%} visible. Rotation is the least over the part's symmetries.",
     )
 
 
 def _joint(table: Table) -> list[Grid]:
     """The accuracy of the poses that the localizer stands by, which the paper does not give apart."""
-    methods = [m for m in table.methods if m not in EXTRACTOR_TITLES]
+    methods = [m for m in table.shown if m not in OF_THE_PAPER]
     rows = [table.find_accuracy(part, method, BARELY_VISIBLE) for part in table.parts for method in methods]
     cells = tuple(
         (
@@ -99,7 +100,7 @@ def _joint(table: Table) -> list[Grid]:
             str(row.n),
             *(
                 text(row.errors[name], 3 if name.endswith("mm") else 2)
-                for name in ("translation_mm", "rotation_deg", "tilt_deg", "inplane_deg")
+                for name in ("translation_mm", "tilt_deg", "inplane_deg")
                 for text in (plus_minus, median)
             ),
         )
@@ -107,11 +108,11 @@ def _joint(table: Table) -> list[Grid]:
     )
     if not cells:
         return []
-    errors = ("Transl. (mm)", "Rotation (°)", "Tilt (°)", "Turn (°)")
+    errors = ("Translation (mm)", "Tilt (°)", "Turn (°)")
     columns = ("Object", "Method", "n", *(name for error in errors for name in (error, "median")))
     return [
         Grid(
-            title="Localization error of the final poses, both extractors refined together",
+            title="Localization error of the other localizers",
             columns=columns,
             rows=cells,
             note="Tilt: error of the axis; turn: of the turn about it (– where a part looks the same at any angle).",
@@ -123,11 +124,11 @@ def coverage_grid(table: Table) -> Grid:
     """How far the covariances that come with the poses can be believed."""
     rows = []
     for part in table.parts:
-        rates = [table.find_accuracy(part, method, BARELY_VISIBLE).coverage for method in table.methods]
+        rates = [table.find_accuracy(part, method, BARELY_VISIBLE).coverage for method in table.shown]
         rows.append((part_title(part), str(max(rate.n for rate in rates)), *map(rate_text, rates)))
     return Grid(
         title=f"Inside the {ELLIPSOID_SHARE:.0%} ellipsoid: share of true poses that the covariance allows for",
-        columns=("Object", "n", *table.methods),
+        columns=("Object", "n", *table.shown),
         rows=tuple(rows),
         note=f"Matched pieces at least {BARELY_VISIBLE:.0%} visible. In brackets: 95 % Wilson interval.",
     )
@@ -137,7 +138,7 @@ def _accuracy_cells(row: AccuracyRow, rows: Sequence[AccuracyRow], i: int) -> tu
     first = i == 0 or rows[i - 1].part != row.part
     return (
         part_title(row.part) if first else "",
-        EXTRACTOR_TITLES.get(row.method, row.method),
+        row.method,
         str(row.n),
         plus_minus(row.errors["translation_mm"], 2),
         median(row.errors["translation_mm"], 2),
@@ -145,6 +146,7 @@ def _accuracy_cells(row: AccuracyRow, rows: Sequence[AccuracyRow], i: int) -> tu
         plus_minus(row.errors["rotation_deg"], 2),
         median(row.errors["rotation_deg"], 2),
         _published(row.published, "rotation_deg"),
+        ROW_TITLES[ROW_OF[row.method]] if row.published else NOTHING,
     )
 
 
@@ -152,21 +154,21 @@ def _fig10(table: Table, stage: str) -> Grid:
     levels = tuple(dict.fromkeys(row.min_visibility for row in table.success))
     cells = [(level, part) for level in levels for part in table.parts]
     rows = []
-    methods = [m for m in table.methods if m != "focal-group"]
+    methods = [m for m in table.shown if m not in EXTRACTORS] or list(table.shown)
     for i, (level, part) in enumerate(cells):
         bars = {method: table.find_success(part, method, stage, level) for method in methods}
         rates = [rate_text(bars[method].rate) for method in methods]
         first = i == 0 or cells[i - 1][0] != level
         label = f"≥ {level:.0%}" if first else ""
-        published = bars["focal"].published
+        published = table.find_success(part, "paper", stage, level).published
         n = str(max(bar.rate.n for bar in bars.values()))
         rows.append((label, part_title(part), n, *rates, NOTHING if published is None else f"{published:.0%}"))
     return Grid(
         title=STAGE_TITLES[stage],
-        columns=("Visible", "Object", "n", *methods, "focal, published"),
+        columns=("Visible", "Object", "n", *methods, "paper, published"),
         rows=tuple(rows),
         sections=last_of_each([str(level) for level, _ in cells]),
-        quiet=frozenset({"focal, published"}),
+        quiet=frozenset({"paper, published"}),
         note=""
         if stage == STAGES[0]
         else "In brackets: 95 % Wilson interval. The paper's rates are over all its pieces.",
@@ -176,13 +178,15 @@ def _fig10(table: Table, stage: str) -> Grid:
 def false_poses_grid(table: Table) -> Grid:
     """How many of the reported poses are of nothing."""
     rows = tuple(
-        (part_title(part), *(_false_poses(table.find_false_poses(part, method)) for method in table.methods))
+        (part_title(part) if i == 0 else "", method, _false_poses(table.find_false_poses(part, method)))
         for part in table.parts
+        for i, method in enumerate(table.shown)
     )
     return Grid(
         title="False poses: share of the reported poses that belong to no piece",
-        columns=("Object", *table.methods),
+        columns=("Object", "Method", "False poses"),
         rows=rows,
+        sections=last_of_each([part for part in table.parts for _ in table.shown]),
         note="Scenes of one part; all reported poses, of pieces however visible. In brackets: 95 % Wilson interval.",
     )
 

@@ -10,18 +10,19 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
-from benchmark.config import SweepConfig, episodes
+from benchmark.config import SweepConfig
 from benchmark.episodes.metrics import BARELY_VISIBLE, HALF_VISIBLE, Summary, is_inside_ellipsoid, summarise
 from benchmark.records.episode_record import EpisodeRecord, PieceRecord, PoseErrors
 from benchmark.report.margins import Margin, paired_margin
-from benchmark.report.published import FIGURE_10, TABLE_1, PublishedErrors, paper_order
+from benchmark.report.published import FIGURE_10, ROW_OF, TABLE_1, PublishedErrors, paper_order
 from benchmark.report.rate import Rate
 from benchmark.report.recovered import Recovered, recovered
 from benchmark.report.reliability import ReliabilityRow, reliability
 from benchmark.report.task_rows import TaskRow, task_rows
 
 EXTRACTORS = ("focal-region", "focal-group")
-METHODS = ("focal-region", "focal-group", "focal")
+OF_THE_PAPER = ("previous", "paper")
+METHODS = (*OF_THE_PAPER, *EXTRACTORS, "focal")
 COMPARED = ("focal", "focal-region")
 STAGES = ("extraction", "matching")
 QUANTITIES = ("translation_mm", "rotation_deg", "tilt_deg", "inplane_deg", "mssd_mm")
@@ -34,7 +35,7 @@ class AccuracyRow:
 
     Attributes:
         part: its name.
-        method: the localizer; ``focal-region`` and ``focal-group`` are the paper's region-match and group-match.
+        method: the localizer.
         min_visibility: pieces less visible are left out.
         errors: one summary for each of ``QUANTITIES``; its n is less where a quantity is undefined for the part.
         coverage: the share of true poses inside the 95 % ellipsoids of the poses' covariances; its n is less where
@@ -61,7 +62,7 @@ class SuccessRow:
 
     Attributes:
         part: its name.
-        method: the localizer; ``focal-region`` is the paper's previous method, ``focal`` the proposed one.
+        method: the localizer; ``previous`` is the paper's previous method, ``paper`` the one it proposes.
         stage: ``extraction`` (Fig. 10a) or ``matching`` (Fig. 10b).
         min_visibility: pieces less visible are left out.
         rate: over the pieces that are visible enough and in the bin.
@@ -157,9 +158,16 @@ class Table:
         return tuple(dict.fromkeys(row.method for row in self.success))
 
     @property
+    def shown(self) -> tuple[str, ...]:
+        """The localizers that have results; ours where none has."""
+        ran = tuple(m for m in self.methods if any(row.method == m and row.rate.n for row in self.success))
+        return ran or METHODS[-1:]
+
+    @property
     def table1(self) -> list[AccuracyRow]:
-        """The rows of the paper's Table 1 in its order, over all pieces at least 10 % visible."""
-        return [self.find_accuracy(part, method, BARELY_VISIBLE) for part, method in table1_order(self.parts)]
+        """The predecessor, the paper's system and ours for each part, over all pieces at least 10 % visible."""
+        methods = (*OF_THE_PAPER, "focal")
+        return [self.find_accuracy(part, method, BARELY_VISIBLE) for part in self.parts for method in methods]
 
     def find_accuracy(self, part: str, method: str, min_visibility: float) -> AccuracyRow:
         """One row of ``accuracy``; KeyError where there is none."""
@@ -176,13 +184,6 @@ class Table:
         return {(row.part, row.method): row.share for row in self.false_poses}[part, method]
 
 
-def table1_order(parts: Sequence[str]) -> list[tuple[str, str]]:
-    """(part, extractor) of the rows of Table 1 in the paper's order; other parts after the paper's."""
-    published = [key for key in TABLE_1 if key[0] in parts]
-    known = {part for part, _ in published}
-    return published + [(part, extractor) for part in parts if part not in known for extractor in EXTRACTORS]
-
-
 def build_table(config: SweepConfig, records: Sequence[EpisodeRecord], levels: Sequence[float] = LEVELS) -> Table:
     """Everything that is reported about a sweep.
 
@@ -197,11 +198,11 @@ def build_table(config: SweepConfig, records: Sequence[EpisodeRecord], levels: S
     parts = paper_order(config.part_names)
     levels = tuple(dict.fromkeys([*levels, BARELY_VISIBLE]))
     found = dict.fromkeys(name for piece in pieces for name in sorted(piece.results))
-    methods = METHODS + tuple(name for name in found if name not in METHODS)
+    methods = tuple(dict.fromkeys([*METHODS, *config.compared, *found]))
     cells = [(part, method, level) for level in levels for part in parts for method in methods]
     return Table(
         config_hash=config.config_hash,
-        planned=len(episodes(config)),
+        planned=config.planned,
         recorded=len(records),
         failed={record.key: record.error for record in records if record.error is not None},
         accuracy=tuple(_accuracy(pieces, *cell) for cell in cells),
@@ -219,7 +220,7 @@ def build_table(config: SweepConfig, records: Sequence[EpisodeRecord], levels: S
 def to_dict(table: Table) -> dict[str, object]:
     """The table as plain values for JSON."""
     return {
-        "table1": [{"process": row.method, **_flat(row)} for row in table.table1],
+        "table1": [_flat(row) for row in table.table1],
         "fig10": [_flat_success(row) for row in table.success],
         "false_poses": [{"part": row.part, "method": row.method, **asdict(row.share)} for row in table.false_poses],
         "reliability": {method: [asdict(row) for row in rows] for method, rows in table.reliability.items()},
@@ -243,7 +244,7 @@ def _accuracy(pieces: Sequence[PieceRecord], part: str, method: str, min_visibil
     errors = [result.errors for result in matched if result.errors is not None]
     summaries = {quantity: summarise(_values(errors, quantity)) for quantity in QUANTITIES}
     coverage = Rate.of([is_inside_ellipsoid(r.normalized) for r in matched if r.normalized is not None])
-    return AccuracyRow(part, method, min_visibility, summaries, coverage, TABLE_1.get((part, method)))
+    return AccuracyRow(part, method, min_visibility, summaries, coverage, TABLE_1.get((part, ROW_OF.get(method, ""))))
 
 
 def _values(errors: Sequence[PoseErrors], quantity: str) -> list[float]:

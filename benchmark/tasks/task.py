@@ -8,9 +8,11 @@ from typing import Protocol
 
 from benchmark.tasks.attempt import Attempt
 from benchmark.tasks.bench import Viewpoints, Workbench
+from vision.frozen import frozen_arrays
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+@frozen_arrays
 class Looks:
     """Where the bin is photographed from.
 

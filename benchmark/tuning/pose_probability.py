@@ -23,7 +23,7 @@ from benchmark.tuning.options import Report, Size, run, seeds_in_words
 from benchmark.tuning.scenes import KnownScene, known_scenes
 from vision.frozen import frozen_arrays
 from vision.matching.parameters import MatchingParameters
-from vision.pose.probability import USUAL_WEIGHTS, ProbabilityWeights, terms
+from vision.pose.probability import USUAL_WEIGHTS, ProbabilityWeights, probability_terms
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ PIECES = 6
 @dataclass(frozen=True, eq=False)
 @frozen_arrays
 class PoseSample:
-    """N poses: their terms (N, 4), as of ``vision.pose.probability.terms``, and which of them are right (N,)."""
+    """N poses: their terms (N, 4), as of ``probability_terms``, and which of them are right (N,)."""
 
     terms: Array
     is_right: NDArray[np.bool_]
@@ -45,10 +45,10 @@ def pose_sample(scenes: Sequence[KnownScene]) -> PoseSample:
     """What the localizer finds in all scenes. The parts have a turn about their axis, known or not."""
     rows, is_right = [np.empty((0, 4))], []
     for scene in scenes:
-        estimates = scene.localize(MatchingParameters()).estimates
+        estimates = scene.localize(MatchingParameters(least_probability=0.0)).estimates
         right = {i for i, _ in assign_estimates(estimates, scene.pieces).pairs}
         for i, estimate in enumerate(estimates):
-            rows.append(terms([estimate.score], [estimate.inplane_known], [estimate.shown or 0.0]))
+            rows.append(probability_terms(estimate)[None])
             is_right.append(i in right)
     return PoseSample(np.vstack(rows), np.array(is_right, dtype=bool))
 

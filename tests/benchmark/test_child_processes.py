@@ -98,6 +98,67 @@ def test_children_end_with_their_parent(program: str, number: signal.Signals, tm
         assert code == (128 + number if clean else -number)
 
 
+ONE_WORKER = """
+import time
+from benchmark.episodes.pool import Pool
+
+if __name__ == "__main__":
+    with Pool(time.sleep, 1) as pool:
+        for _ in pool.run([0, 600]):
+            print("ready", flush=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux kills a stopped process when its parent ends")
+@pytest.mark.parametrize("program", [PROGRAMS["teaching, idle"], ONE_WORKER], ids=["teaching", "pool"])
+def test_a_stopped_child_ends_with_its_killed_parent(program: str, tmp_path: Path) -> None:
+    with started(program, tmp_path) as (process, children):
+        workers = [child for child in children if "spawn_main" in " ".join(child.cmdline())]
+        for worker in workers:
+            worker.suspend()
+        process.kill()
+        process.wait(BOUND_S)
+        _, left = psutil.wait_procs(workers, BOUND_S)
+        assert workers
+        assert left == []
+
+
+MASK = """
+import asyncio, signal
+from benchmark.episodes.pool import Pool
+from vision.teaching.editor.workers import Worker
+
+def mask(_):
+    return signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+starting = mask(0)
+
+def masks(_):
+    return starting, mask(0)
+
+def sweep():
+    with Pool(masks, 1) as pool:
+        return next(pool.run([0]))[1]
+
+def teach():
+    return asyncio.run(Worker().run(masks, 0))
+
+if __name__ == "__main__":
+    starting, running = {start}()
+    print(sorted(map(int, starting)), sorted(map(int, running)))
+"""
+
+
+@pytest.mark.parametrize("start", ["sweep", "teach"])
+def test_the_first_child_hears_no_signal_before_it_can_answer_one(start: str, tmp_path: Path) -> None:
+    script = tmp_path / "program.py"
+    script.write_text(MASK.replace("{start}", start))
+    environment = os.environ | {"PYTHONPATH": str(TESTS.parents[1])}
+    done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, check=True)
+    blocked = sorted(map(int, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)))
+    assert done.stdout == f"{blocked} []\n"
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_signal_leaves_the_block_with_the_exit_code_of_a_shell(number: signal.Signals) -> None:
     before = signal.getsignal(number)

@@ -62,7 +62,7 @@ def test_sweep_then_table_then_check(
     assert f"focalpick table {out}" in err.replace("\n", " ")
     assert cli.main(["table", str(out), "--format", "json", "--figures", str(tmp_path / "figures")]) == 0
     table = json.loads(capsys.readouterr().out)
-    assert [row["n"] for row in table["table1"]] == [4, 4]
+    assert [row["n"] for row in table["table1"]] == [0, 0, 4]
     assert (tmp_path / "figures" / "fig10.png").exists()
     for style in ("text", "md"):
         assert cli.main(["table", str(out), "--format", style]) == 0
@@ -378,12 +378,14 @@ def test_ctrl_c_ends_the_program_even_where_an_import_swallows_it(tmp_path):
         "def command():\n"
         "    print('ran')\n"
     )
-    program = (
-        "import sys; from benchmark import cli; cli.COMMANDS['x'] = 'swallowing:command'; sys.exit(cli.main(['x']))"
-    )
+    program = "import sys; from benchmark import cli; cli.COMMANDS['x'] = 'swallowing:command'; sys.exit(cli.main())"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
     with subprocess.Popen(
-        [sys.executable, "-c", program], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", program, "x"],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         assert process.stdout.readline() == "importing\n"
         process.send_signal(signal.SIGINT)
@@ -424,3 +426,18 @@ def test_impatient_ctrl_c_prints_no_traceback(tmp_path: Path) -> None:
             process.kill()
     assert process.returncode == 130
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("explain", "picture.png", "--out", ""),
+        ("table", "results/table1", "--figures="),
+        ("teach", "--dir", ""),
+        ("run", ""),
+    ],
+)
+def test_an_empty_text_is_no_path(arguments, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert "got an empty text; expected a name" in fails_with_one_line(capsys, *arguments)
+    assert not list(tmp_path.iterdir())

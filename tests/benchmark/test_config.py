@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.config import EpisodeConfig, SweepConfig, Variant, as_fields, episodes, preset
+from benchmark.config import PRESETS, EpisodeConfig, SweepConfig, Variant, as_fields, episodes, preset
 from benchmark.records.store import RecordWriter, read_config, read_records
 from benchmark.strict_json import decode
 from benchmark.world.sensor import SENSORS, sensor_config, with_hand_eye_error
@@ -135,3 +135,16 @@ def test_hand_eye_error_turns_as_much_as_the_shopfloor_pairs_it():
     assert lab.hand_eye_rotation_rad == pytest.approx(4 * shopfloor.hand_eye_rotation_rad)
     assert replace(lab, hand_eye_translation_m=0.0, hand_eye_rotation_rad=0.0) == sensor_config("lab")
     assert with_hand_eye_error(sensor_config("lab"), 0.0) == sensor_config("lab")
+
+
+def test_a_sweep_has_limits_that_its_file_can_hold_and_its_table_can_count() -> None:
+    with pytest.raises(InputError, match="seed: got 9223372036854775808; expected a whole number, from 0 to"):
+        SweepConfig(("hub",), scenes=1, seed=2**63)
+    parts = tuple(f"part{i}" for i in range(40))
+    with pytest.raises(InputError, match=r"episodes .*: got 4000000; expected a whole number, from 1 to 1000000"):
+        SweepConfig(parts, scenes=100_000)
+
+
+@pytest.mark.parametrize("name", sorted(PRESETS))
+def test_what_is_planned_is_counted_without_making_it(name: str) -> None:
+    assert preset(name).planned == len(episodes(preset(name)))

@@ -9,7 +9,7 @@ import pytest
 from benchmark.config import EpisodeConfig
 from benchmark.episodes.cells import CellPool, bin_stations
 from benchmark.episodes.episode import EpisodeObserver, run_episode
-from benchmark.records.episode_record import strip_timings, to_json
+from benchmark.records.episode_record import to_json, vision_stage
 from benchmark.world.scene import cell_config
 
 pytestmark = pytest.mark.sweep
@@ -52,6 +52,18 @@ def test_the_record_tells_what_was_run_and_what_became_of_each_piece(part, recor
             assert (result.errors is not None) == result.matched
 
 
+def test_others_look_at_the_same_pictures_and_change_nothing(records):
+    record = run_episode(config("cover1", compared=("previous", "oracle")))
+    assert [p.visibility for p in record.pieces] == [p.visibility for p in records["cover1"].pieces]
+    assert set(record.false_positives) == {"focal-region", "focal-group", "focal", "previous", "oracle"}
+    for piece, alone in zip(record.pieces, records["cover1"].pieces, strict=True):
+        assert piece.results["focal"] == alone.results["focal"]
+        assert piece.failed_stage == alone.failed_stage
+        assert piece.results["oracle"].matched
+    assert record.timings_s.keys() >= {"vision", vision_stage("previous"), vision_stage("oracle")}
+    assert any(piece.results["previous"].extracted for piece in record.pieces)
+
+
 def test_the_oracle_matches_every_piece_without_error(records):
     record = run_episode(config("cover1", localizer="oracle"))
     assert [p.visibility for p in record.pieces] == [p.visibility for p in records["cover1"].pieces]
@@ -80,7 +92,7 @@ def test_a_seed_gives_the_same_record_again_and_an_observer_changes_nothing(reco
     matched = sum(p.results["focal"].matched for p in record.pieces)
     estimates = matched + record.false_positives["focal"]
     assert notes.told == ["begin", "view 1", "view 2", "view 3", f"localized {estimates} {estimates}"]
-    assert to_json(strip_timings(record)) == to_json(strip_timings(records["cover1"]))
+    assert to_json(replace(record, timings_s={})) == to_json(replace(records["cover1"], timings_s={}))
 
 
 def test_a_bin_that_fits_into_one_picture_has_one_station():

@@ -11,7 +11,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 
 from benchmark.config import EpisodeConfig, Variant
-from benchmark.episodes import episode
+from benchmark.episodes import episode, referee
+from benchmark.episodes.cells import Looks
 from benchmark.world.drop import DropResult
 from benchmark.world.scene import cell_config
 from benchmark.world.sensor import sensor_config
@@ -26,6 +27,8 @@ class Cell:
     """Two pieces and a camera that is not where the robot believes it to be."""
 
     config = cell_config(("cover2",), 2)
+    model = None
+    data = SimpleNamespace(time=0.0)
 
     def __init__(self):
         self.sensors = []
@@ -69,12 +72,15 @@ def told(monkeypatch):
         heard.judged = pieces, true_views
         return real_judge(localization, method, pieces, true_views, models)
 
-    real_judge = episode.judge
-    monkeypatch.setattr(episode, "judge", judge)
+    real_judge = referee.judge
+    monkeypatch.setattr(referee, "judge", judge)
+    monkeypatch.setattr("benchmark.tasks.bench.boards", lambda *_: None)
+    monkeypatch.setattr("benchmark.tasks.bench.Hand", lambda *_: SimpleNamespace(move_joints=lambda _: None))
     monkeypatch.setitem(sys.modules, "spying", types.SimpleNamespace(make=Spy))
 
     def run(variant=None):
-        cells = SimpleNamespace(cell=lambda _: heard.cell, viewpoints=lambda _: [SimpleNamespace(q=None)] * 3)
+        looks = Looks(lambda: [SimpleNamespace(q=None)] * 3, list)
+        cells = SimpleNamespace(cell=lambda _: heard.cell, looks=lambda _: looks)
         config = EpisodeConfig(("cover2",), pieces=2, localizer="spying:make", task="none", variant=variant)
         heard.record = episode.run_episode(config, cells=cells)
         return heard

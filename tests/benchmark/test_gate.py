@@ -111,7 +111,10 @@ def test_failed_and_missing_episodes_miss_unless_allowed(tmp_path: Path) -> None
         ("[focal]\nmatching_rate_low = 0.5", r"a section \[focal.PART\]"),
         ("[focal.hub]\nmatching_rate_low = 'high'", r"got 'high'; expected a number"),
         ("[focal.hub]\nmatching_rate_low = true", r"expected a number"),
-        ("[duel.hub]\nmatching_rate_low = 0.5", r"got duel; expected one of focal-region, focal-group, focal, picks"),
+        (
+            "[duel.hub]\nmatching_rate_low = 0.5",
+            r"got duel; expected one of previous, paper, focal-region, focal-group, focal, picks",
+        ),
         ("[focal.hat]\nmatching_rate_low = 0.5", r"got hat; expected one of hub, cover1, cover2"),
         ("min_visibility = 2", r"a share from 0 to 1"),
         ("[focal.hub", r"expected TOML"),

@@ -22,7 +22,6 @@ from benchmark.records.episode_record import (
     PoseErrors,
     PoseOffset,
     from_json,
-    strip_timings,
     to_json,
 )
 from benchmark.records.store import EPISODES_FILE, RecordWriter, read_config, read_records
@@ -143,10 +142,6 @@ def test_errors_without_sense_are_refused(value: float) -> None:
 def test_offsets_without_sense_are_refused(vector: tuple[float, ...]) -> None:
     with pytest.raises(InputError, match="rotation_deg"):
         PoseOffset((0.0, 0.0, 0.0), vector)
-
-
-def test_strip_timings_leaves_the_rest() -> None:
-    assert strip_timings(RECORD) == replace(RECORD, timings_s={})
 
 
 def write(directory: Path, *keys: str, config: SweepConfig = CONFIG) -> None:

@@ -52,6 +52,19 @@ def test_a_sweep_whose_file_has_changed_is_refused_until_the_file_is_back(config
     assert all(record.error is None for record in run_sweep(config, Path("out"), episode))
 
 
+def test_what_a_localizer_imports_belongs_to_it(config: SweepConfig) -> None:
+    Path("mine_of_sweep.py").write_text("import mine_beside\n")
+    Path("mine_beside.py").write_text("import mine_farther, os\n")
+    Path("mine_farther.py").write_text("first = 1\n")
+    Path("not_mine.py").write_text("first = 1\n")
+    run_sweep(config, Path("out"), failing_second_episode)
+    Path("not_mine.py").write_text("second = 2\n")
+    Path("mine_farther.py").write_text("second = 2\n")
+    with pytest.raises(InputError, match=r"mine_farther\.py of localizer") as refusal:
+        run_sweep(config, Path("out"), episode)
+    assert "not_mine" not in str(refusal.value)
+
+
 def test_only_the_file_that_has_changed_is_named(config: SweepConfig) -> None:
     run_sweep(config, Path("out"), episode)
     Path("pulley.stl").write_text("second = 2\n")

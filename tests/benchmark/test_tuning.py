@@ -27,7 +27,7 @@ from vision import Workspace, load_views
 from vision.grouping.score import DEFAULT_WEIGHTS
 from vision.matching.parameters import CONFIRMATION, MatchingParameters
 from vision.pose.edge_errors import USUAL
-from vision.pose.probability import ProbabilityWeights, terms
+from vision.pose.probability import ProbabilityWeights
 
 THREE_VIEWS = Path(__file__).resolve().parents[2] / "docs" / "images" / "three_views"
 
@@ -139,8 +139,9 @@ def test_what_is_found_and_what_is_lost_is_counted(scene):
 
 def test_probability_weights_that_made_the_data_are_found_again():
     rng = np.random.default_rng(20_000)
-    made_of = ProbabilityWeights(score=6.0, turned=2.0, shown=3.0, constant=4.0)
-    rows = terms(rng.uniform(0.4, 1, 20_000), rng.random(20_000) < 0.5, rng.random(20_000))
+    made_of = ProbabilityWeights(evidence=6.0, turned=2.0, weakest=3.0, constant=4.0)
+    evidence, turned, weakest = rng.uniform(0.2, 1, 20_000), rng.random(20_000) < 0.5, rng.random(20_000)
+    rows = np.column_stack([evidence, turned, weakest, -np.ones(20_000)])
     is_right = rng.random(20_000) < expit(rows @ np.array(made_of))
     assert np.allclose(fit_probability(PoseSample(rows, is_right)), made_of, atol=0.5)
 
@@ -162,7 +163,7 @@ def test_reliability_sorts_poses_by_what_they_say():
         (ellipse_score, ("| coverage_squared |", "F − F in the code", "validation 500000")),
         (edge_sigmas, ("| swell_px |", "inside the 95% ellipsoid", "validation 40000")),
         (confirmation, ("| rival_px |", "false poses", "tuning 30000")),
-        (pose_probability, ("| shown |", "said on average", "validation 40000")),
+        (pose_probability, ("| weakest |", "said on average", "validation 40000")),
     ],
     ids=["ellipse_score", "edge_sigmas", "confirmation", "pose_probability"],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from vision.errors import InputError
 from vision.features import EllipseFeature
@@ -190,3 +191,11 @@ def test_a_workspace_is_made_of_any_three_numbers_a_corner():
 def test_what_is_no_box_is_refused(low, high):
     with pytest.raises(InputError, match=r"workspace: got .*; expected x, y, z of two corners"):
         Workspace(low, high)
+
+
+def test_the_lowest_point_is_that_of_all_circles(plate):
+    circles = SalientCircles.of(plate)
+    for rotation in Rotation.random(20, rng=np.random.default_rng(0)):
+        T = RigidTransform.from_components([0.1, -0.2, 0.3], rotation)
+        expected = min(T.apply(f.circle.sample(720))[:, 2].min() for f in plate.salient)
+        assert circles.lowest(T.as_matrix()) == pytest.approx(expected, abs=1e-6)

@@ -187,6 +187,9 @@ def test_what_a_claimed_part_hides_is_not_held_against_a_pose(front, photograph,
     scene.claim(front.as_matrix(), contour, plate)
     assert evidence_of(scene, below, contour).score > before
     scene.forget_claims()
+    scene.claim(front.as_matrix(), contour, plate, hiding=False)
+    assert evidence_of(scene, below, contour).score <= before
+    scene.forget_claims()
     assert evidence_of(scene, below, contour).score == before
 
 

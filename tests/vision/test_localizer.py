@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from vision.edges.edge_field import EdgeField
 from vision.errors import InputError
 from vision.geometry.workspace import Workspace
 from vision.grouping.edge_grouping import GroupingParameters
 from vision.localizer import EllipseLocalizer, Localization, Localizer, attribute_constraints, extract_features
+from vision.matching.matcher import Matcher
 from vision.matching.parameters import MatchingParameters
+from vision.model.vision_model import Pattern
 from vision.regions.region_ellipses import segment
 
 WORKSPACE = Workspace((-0.08, -0.08, -0.03), (0.08, 0.08, 0.03))
@@ -193,6 +196,28 @@ def test_extractors_are_chosen_by_a_preset_or_one_by_one(choice, extractors, pla
     localizer = EllipseLocalizer([plate], choice)
     assert localizer.extractors == extractors
     assert localizer.name == ("focal" if len(extractors) == 2 else f"focal-{extractors[0]}")
+
+
+def test_ideas_can_be_switched_off_one_by_one(plate, photograph, scene):
+    """Arcs, patterns, the search in depth; what hides is tested with the edges of a scene (test_confirmation.py)."""
+    views = photograph(scene, 2)
+    for arcs in (True, False):
+        localizer = EllipseLocalizer([plate], parameters=MatchingParameters(arcs=arcs))
+        assert bool(localizer.features_and_arcs(views[0], WORKSPACE)[1]) == arcs
+    fields = [EdgeField.from_gray(view.gray) for view in views]
+    model = replace(
+        plate, patterns=(Pattern("slot", np.array([0.0, 0.0, 1.0]), np.zeros((4, 3)), np.tile([1.0, 0, 0], (4, 1))),)
+    )
+    for patterns in (True, False):
+        matcher = Matcher(views, fields, model, WORKSPACE, MatchingParameters(patterns=patterns))
+        assert len(matcher.model.patterns) == patterns
+
+
+@pytest.mark.parametrize("extractor", ["region", "group"])
+def test_one_extractor_falls_back_on_the_same_arcs(extractor, plate, focal, photograph, scene):
+    view = photograph(scene, 1)[0]
+    both, one = (m.features_and_arcs(view, WORKSPACE)[1] for m in (focal, EllipseLocalizer([plate], (extractor,))))
+    assert [a.points.tolist() for a in both] == [a.points.tolist() for a in one]
 
 
 @pytest.mark.parametrize(("old", "new"), [("dual", "focal"), ("region", "focal-region"), ("group", "focal-group")])

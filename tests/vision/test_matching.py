@@ -204,3 +204,15 @@ def test_a_pose_that_fits_one_view_at_a_wrong_depth_is_moved_to_where_the_others
     distance, angle = errors(moved, truth, 3)
     assert distance < 0.1
     assert angle < 0.3
+
+
+def test_a_plate_that_would_reach_through_the_floor_is_not_taken(plate, pose, photograph):
+    leaning = pose(0, 0, 0, about=(40, 0, 11))
+    views = photograph([leaning])
+    flat_bin = Workspace((-0.08, -0.08, -0.004), (0.08, 0.08, 0.03))
+    found = {
+        slack: matcher(plate, views, flat_bin, floor_slack=slack).match(perfect(plate, [leaning], views))
+        for slack in (0.05, 1.0)
+    }
+    assert found[0.05] == []
+    assert len(found[1.0]) == 1

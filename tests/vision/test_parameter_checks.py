@@ -17,6 +17,7 @@ from vision.grouping.kalman_filter import FilterParameters
 from vision.grouping.score import DEFAULT_WEIGHTS, ScoreWeights
 from vision.matching.parameters import ConfirmationParameters, MatchingParameters
 from vision.pose.edge_errors import EdgeErrors
+from vision.pose.probability import USUAL_WEIGHTS, ProbabilityWeights
 from vision.regions.quadtree import SplitAndMergeParameters
 from vision.regions.region_ellipses import BoundaryFitParameters
 from vision.regions.segmentation import RegionGrowingParameters
@@ -41,7 +42,11 @@ def numbers():
     for settings in SETTINGS:
         for field in fields(settings):
             value = getattr(settings(), field.name)
-            if not is_dataclass(value) and value is not None and not isinstance(value, bool | ScoreWeights):
+            if (
+                not is_dataclass(value)
+                and value is not None
+                and not isinstance(value, bool | ScoreWeights | ProbabilityWeights)
+            ):
                 found.append(pytest.param(settings, field.name, value, id=f"{settings.__name__}.{field.name}"))
     return found
 
@@ -82,6 +87,9 @@ def test_a_setting_may_be_a_number_of_numpy(settings, name, default):
         (GroupingParameters, {"max_attempts": 10.5}),
         (GroupingParameters, {"weights": DEFAULT_WEIGHTS._replace(error=math.nan)}),
         (GroupingParameters, {"weights": DEFAULT_WEIGHTS._replace(chain=-1.0)}),
+        (MatchingParameters, {"probability_weights": None}),
+        (MatchingParameters, {"probability_weights": USUAL_WEIGHTS._replace(weakest=math.inf)}),
+        (MatchingParameters, {"probability_weights": USUAL_WEIGHTS._replace(evidence=-1.0)}),
         (GroupingParameters, {"weights": tuple(DEFAULT_WEIGHTS)}),
         (FilterParameters, {"iterations": 0}),
         (MatchingParameters, {"candidates": 0}),

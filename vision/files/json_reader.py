@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import FileFormatError, InputError
+from vision.files.regular import check_regular
 
 Array = NDArray[np.float64]
 
@@ -28,11 +29,11 @@ def read_text(path: Path, what: str, do: str) -> str:
         do: the remedy where there is no such file.
 
     Raises:
-        InputError: when it cannot be read.
+        InputError: when it cannot be read, or is no regular file.
         FileFormatError: when it is not UTF-8.
     """
     try:
-        return path.read_bytes().decode("utf-8-sig")
+        return check_regular(path).read_bytes().decode("utf-8-sig")
     except OSError as error:
         raise InputError(what, got=f"{path} ({error})", expected="a readable file", do=do) from error
     except UnicodeDecodeError as error:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import InputError
+from vision.files.regular import check_regular
 
 EXPECTED = "a PNG, JPEG or TIFF with 8 or 16 bits per channel"
 FAINTEST_16_BIT = 4096
@@ -41,7 +42,7 @@ def read_picture(path: Path | str, *, turned: bool = True) -> NDArray[np.uint8]:
     """
     path = Path(path)
     try:
-        encoded = np.frombuffer(path.read_bytes(), np.uint8)
+        encoded = np.frombuffer(check_regular(path).read_bytes(), np.uint8)
     except OSError as error:
         raise InputError(f"picture {path}", got=error.strerror, expected=EXPECTED) from None
     image = _decoded(encoded, turned)

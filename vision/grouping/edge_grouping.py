@@ -161,6 +161,14 @@ def group_edges(
     return Grouping(edges, table, tuple(features), parameters.tolerance_px)
 
 
+def find_fragments(gray: NDArray[np.generic], parameters: GroupingParameters | None = None) -> Grouping:
+    """The fragments of an image, as :func:`group_edges` finds them, without any ellipse; errors as of it."""
+    parameters = parameters or GroupingParameters()
+    image = as_gray(gray)
+    edges = detect_edges(image, parameters.edges)
+    return Grouping(edges, extract_fragments(edges, image, parameters.fragments), (), parameters.tolerance_px)
+
+
 def walked_ellipses(
     table: FragmentTable, edges: EdgeMap, arrays: EdgeArrays, parameters: GroupingParameters
 ) -> tuple[Array, Array]:

@@ -203,6 +203,8 @@ class HypothesisGenerator:
 
         The size of one ellipse tells the depth within a percent or two, which another view sees as many pixels.
         """
+        if not self.parameters.depth_search:
+            return poses
         shares = np.array(self.parameters.depth_shares)
         moved = self._moved_in_depth(poses, seed[:, 0], shares)
         support = self.scene.evidence(moved.reshape(-1, 4, 4), self.contour.sparse(), DEPTH_REACH_PX).salient

@@ -40,7 +40,7 @@ from vision.model.solid import share_inside
 from vision.model.vision_model import SalientCircles, VisionModel
 from vision.pose.estimate import PoseEstimate, features_supported
 from vision.pose.observations import observe_ellipses
-from vision.pose.probability import probability
+from vision.pose.probability import pose_probability
 from vision.pose.refinement import Refinement, refine_pose
 from vision.pose.stereo import pose_by_stereo
 
@@ -68,13 +68,16 @@ class Matcher:
             workspace: where parts can be.
             parameters: settings.
         """
-        self.views, self.model, self.workspace = views, model, workspace
         self.parameters = parameters or MatchingParameters()
+        self.model = model if self.parameters.patterns else replace(model, patterns=())
+        self.views, self.workspace = views, workspace
         self.circles = SalientCircles.of(model)
         self.scene = SceneEdges(views, fields, self.parameters.confirmation)
 
     def match(self, features: Features, arcs: Sequence[Sequence[Arc]] = ()) -> list[PoseEstimate]:
         """All instances of the part that the features and the edges support, best first.
+
+        What is more likely wrong than right is not among them.
 
         Args:
             features: the extracted ellipses of every view.
@@ -101,7 +104,8 @@ class Matcher:
             pool = pool.joined(generator.from_arcs(arcs, self.workspace, table, known))
             least = self.parameters.minimum_scores[-1]
             accepted += self._accept(pool, least, features, generator, accepted)[0]
-        return sorted(accepted, key=lambda e: -e.score)
+        likely = [e for e in accepted if (e.probability or 0.0) >= self.parameters.least_probability]
+        return sorted(likely, key=lambda e: -e.score)
 
     def _untried(
         self, candidates: Candidates, tried: NDArray[np.intp], accepted: Sequence[PoseEstimate]
@@ -151,17 +155,24 @@ class Matcher:
             if final is None or not self._stands(final, minimum_score, [*known, *accepted]):
                 continue
             accepted.append(final)
-            self.scene.claim(final.T_world_part.as_matrix(), contour, self.model)
+            self.scene.claim(final.T_world_part.as_matrix(), contour, self.model, hiding=self.parameters.hiding)
             pool = self._left_over(pool, final.T_world_part.as_matrix(), contour)
         return accepted, pool
 
     def _stands(self, final: PoseEstimate, minimum_score: float, known: Sequence[PoseEstimate]) -> bool:
-        """Whether a refined pose is still supported, and has not run into a part that is known already.
+        """Whether a refined pose is still supported, and has run neither into a known part nor through the floor.
 
         Where nothing is known of the scene, an ellipse may be a circle too small and too near that one view shows.
         """
         if self.workspace is None and final.views == 1 < len(self.views):
             return False
+        if self.workspace is not None:
+            floor = self.workspace.low[2] - self.parameters.floor_slack * self.model.diameter_m
+            if self.circles.lowest(final.T_world_part.as_matrix()) < floor:
+                return False
+        spread_m = np.sqrt(np.linalg.eigvalsh(final.covariance[:3, :3])[-1])
+        if not spread_m < 0.5 * self.model.diameter_m:
+            return False  # it may as well be where another part is
         separation = self.parameters.minimum_separation * self.model.diameter_m
         origin = final.T_world_part.translation
         return final.score >= minimum_score and all(
@@ -179,7 +190,7 @@ class Matcher:
         least, most = self.parameters.doubtful_scores
         if least < evidence.score[0] < most:
             T, evidence = self._better(T, evidence, generator.aligned(T, inplane=known), generator.contour)
-        if evidence.views[0] == 1 < len(self.views):
+        if self.parameters.depth_search and evidence.views[0] == 1 < len(self.views):
             moved = generator.supported_by_others(T, int(hypothesis.seed[0, 0]), inplane=known)
             T, evidence = self._better(T, evidence, moved, generator.contour)
         turned = replace(hypothesis, poses=T[None], turned=yes, inplane_known=np.array([known]))
@@ -213,13 +224,11 @@ class Matcher:
         T = refined.T_world_part
         evidence = self.scene.evidence(T[None], contour)
         v, m, _ = hypothesis.seed[0]
-        turned = known or self.model.symmetry_fold is None
-        score, shown = float(evidence.score[0]), float(evidence.shown[0])
-        return PoseEstimate(
+        estimate = PoseEstimate(
             part=self.model.part,
             T_world_part=RigidTransform.from_matrix(T),
             covariance=refined.covariance,
-            score=score,
+            score=float(evidence.score[0]),
             extractor=features[v][m].extractor if m >= 0 else "group",
             residual_px=refined.residual_px,
             views=int(evidence.views[0]),
@@ -227,9 +236,11 @@ class Matcher:
             features=features_supported(
                 self.model, contour.circle_feature, evidence.of_circle[0], evidence.samples[0]
             ),
-            shown=shown,
-            probability=probability(self.parameters.probability_weights, score, turned, shown),
+            shown=float(evidence.shown[0]),
         )
+        turn_matters = self.model.symmetry_fold is not None
+        weights = self.parameters.probability_weights
+        return replace(estimate, probability=pose_probability(estimate, weights, turn_matters=turn_matters))
 
     def _refined(self, T: Array, inplane: bool, contour: ModelContour) -> Refinement | None:
         """On every unclaimed edge along the model, in all views."""

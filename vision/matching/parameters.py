@@ -67,6 +67,7 @@ class MatchingParameters:
         candidates: how many of the most promising candidates are refined and confirmed in a round.
         minimum_scores: edge support below which a pose is not accepted, round by round: what is beyond doubt first.
         minimum_separation: distance of two parts below which one of them is a duplicate, in part diameters.
+        floor_slack: how far below the workspace a part may reach, in part diameters; more than calibrations are off.
         reach_px: how far from the projected model edges are looked for, iteration by iteration.
         rim_reach_px: the same for the first correction of a candidate.
         whole_reach_px: the same where all circles correct a doubtful hypothesis once more.
@@ -78,14 +79,19 @@ class MatchingParameters:
         leash: how far a refinement may move a pose before it has run away, in part diameters.
         calibration: how unsure the calibration of the views is; it widens the covariances and moves no pose.
         edge_errors: the errors that many edges share; they too widen the covariances and move no pose.
+        least_probability: of a pose that is reported.
         probability_weights: how likely a pose is right by what confirms it.
-        joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points, as a
-            localizer with one extractor always does.
+        joint_edges: refine on every edge along the model; otherwise only on the matched ellipses' own points.
+        depth_search: try other distances for a candidate and for a pose that only one view supports.
+        hiding: parts that were found hide what lies behind them, which is then not held against a hypothesis.
+        patterns: taught patterns, too, say how a part is turned and confirm it.
+        arcs: where no ellipse is left of a part, a long arc may suggest a pose.
     """
 
     candidates: int = 16
     minimum_scores: tuple[float, ...] = (0.6, 0.5, 0.42)
     minimum_separation: float = 0.12
+    floor_slack: float = 0.05
     reach_px: tuple[float, ...] = (2.5, 1.5, 1.5)
     rim_reach_px: tuple[float, ...] = (6.0, 4.0, 3.0)
     whole_reach_px: tuple[float, ...] = (4.0, 2.5)
@@ -97,15 +103,25 @@ class MatchingParameters:
     leash: float = 0.05
     calibration: CalibrationError = EXACT
     edge_errors: EdgeErrors = USUAL
+    least_probability: float = 0.5
     probability_weights: ProbabilityWeights = USUAL_WEIGHTS
     joint_edges: bool = True
+    depth_search: bool = True
+    hiding: bool = True
+    patterns: bool = True
+    arcs: bool = True
 
     def __post_init__(self) -> None:
         check(self, candidates=count(1), minimum_scores=NOT_NEGATIVE, minimum_separation=NOT_NEGATIVE)
+        check(self, floor_slack=NOT_NEGATIVE, least_probability=SHARE)
         check(self, reach_px=POSITIVE, rim_reach_px=POSITIVE, whole_reach_px=POSITIVE, doubtful_scores=SHARE)
         # Support falls from one pixel off the model to nothing at the tolerance.
         check(self, loose_reach_px=Allowed(1, above=True), leash=NOT_NEGATIVE)
         closer = Allowed(-1, above=True)  # the part stays before the camera
         check(self, depth_shares=closer, far_depth_shares=closer)
+        weights = self.probability_weights
+        if not isinstance(weights, ProbabilityWeights) or not weights.are_valid:
+            expected = "ProbabilityWeights, each a finite float >= 0"
+            raise InputError("probability_weights", got=weights, expected=expected)
         if len(self.doubtful_scores) != 2 or self.doubtful_scores[0] > self.doubtful_scores[1]:
             raise InputError("doubtful_scores", got=self.doubtful_scores, expected="two numbers, low <= high")

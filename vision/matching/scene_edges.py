@@ -184,12 +184,21 @@ class SceneEdges:
         """Sub-pixel edges along the visible circles of a posed model, claimed ones left out."""
         return observe_edges(T_world_part, contour, self.cameras, self.fields, self._edges.claimed, reach_px)
 
-    def claim(self, T_world_part: Array, contour: ModelContour, model: VisionModel, width_px: int = 2) -> None:
-        """Mark the edges that a part explains as its own, and what it hides as hidden."""
+    def claim(
+        self,
+        T_world_part: Array,
+        contour: ModelContour,
+        model: VisionModel,
+        width_px: int = 2,
+        *,
+        hiding: bool = True,
+    ) -> None:
+        """Mark the edges that a part explains as its own, and with ``hiding`` what lies behind it as hidden."""
         for v, reduced in enumerate(self._reduced):
             hidden = self._edges.cover[v, : reduced.height_px, : reduced.width_px]
             T_camera_part = self.cameras.T_camera_world[v] @ T_world_part
-            render_depth(hidden, T_camera_part, reduced, model)
+            if hiding:
+                render_depth(hidden, T_camera_part, reduced, model)
             reach, least = self.parameters.reach_px, self.parameters.claim_support
             intrinsics = self.cameras.intrinsics[v]
             claim_edges(T_camera_part, intrinsics, contour.samples, self._edges, v, reach, least, width_px)

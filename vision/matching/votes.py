@@ -14,6 +14,7 @@ from vision.frozen import read_only
 from vision.geometry.camera import CameraArrays
 from vision.geometry.ellipse import geometric_parameters
 from vision.geometry.focal_form import conic_to_geometric
+from vision.model.projection import GRAZING_COSINE
 from vision.model.vision_model import SalientCircles
 from vision.pose.observations import POINTS_PER_ELLIPSE
 
@@ -31,7 +32,6 @@ class Tolerance(NamedTuple):
 CENTRE_TOLERANCE = Tolerance(2.5, 0.03)
 MAJOR_TOLERANCE = Tolerance(1.5, 0.03)
 MINOR_TOLERANCE = Tolerance(2.0, 0.10)  # the tilt of a circle seen face on is ill determined
-FACING_COSINE = 0.12
 
 
 def count_votes(
@@ -78,7 +78,7 @@ def predict_circle(T, intrinsics, height, side, radius, out):
     px, py, pz = T[0, 3] + height * T[0, 2], T[1, 3] + height * T[1, 2], T[2, 3] + height * T[2, 2]
     square = px * px + py * py + pz * pz
     nc = nx * px + ny * py + nz * pz
-    if pz <= radius or -nc <= FACING_COSINE * np.sqrt(square):
+    if pz <= radius or -nc <= GRAZING_COSINE * np.sqrt(square):
         return False
     s, q = nc * nc, square - radius * radius
     a = (s - 2 * nc * nx * px + q * nx * nx) / (fx * fx)

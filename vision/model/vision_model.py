@@ -177,6 +177,12 @@ class SalientCircles(NamedTuple):
         side = np.sign([c.normal[2] for c in circles])
         return read_only(cls(height, side, np.array([c.radius_m for c in circles])))
 
+    def lowest(self, T_world_part: Array) -> float:
+        """Height in the world, whose z axis points up, of the lowest point of all circles of a posed part (4, 4)."""
+        up = T_world_part[2, 2]
+        lowest = self.height * up - self.radius * np.sqrt(max(1 - up * up, 0.0))
+        return float(T_world_part[2, 3] + lowest.min())
+
     def circle(self, number: int | np.intp) -> CoaxialCircle:
         """One of them."""
         return CoaxialCircle(float(self.height[number]), float(self.side[number]), float(self.radius[number]))

@@ -15,10 +15,12 @@ from vision.features import EllipseFeature
 from vision.geometry.camera import View
 from vision.geometry.workspace import Workspace, depth_range
 from vision.localizer import Localization, checked_models, checked_scene
-from vision.matching.votes import FACING_COSINE
+from vision.model.projection import GRAZING_COSINE
 from vision.model.vision_model import CircleFeature, SalientCircles, VisionModel
 from vision.paper.correspondence import Correspondence, correspondences
+from vision.paper.edge_fit import fitted_to_edges
 from vision.paper.edge_grouping import group_by_aggregation
+from vision.paper.own_extractors import both_extractors
 from vision.paper.parameters import PaperParameters
 from vision.paper.region_growing import NamedEllipse, grow_ellipses
 from vision.paper.stereo_covariance import stereo_covariance
@@ -72,6 +74,8 @@ class PaperLocalizer:
         """Section 5: ellipses that can be these circles, each circle's by the extractor that was taught for it."""
         near, far = depth_range(view, workspace) if workspace is not None else UNKNOWN_DEPTH_M
         px_per_m = view.camera.fx / far, view.camera.fx / near
+        if self.parameters.own_extractors:
+            return both_extractors(view.gray, circles, px_per_m, self.parameters)
         by_regions = np.array([self.name == "previous" or c.extractor == "region" for c in circles], dtype=bool)
         found = []
         if by_regions.any():
@@ -114,7 +118,7 @@ class PaperLocalizer:
             if not shared and self._is_apart(T, accepted, model):
                 explained |= ellipses
                 accepted.append(_estimate(T, found, seen, score, features, views, model))
-        return accepted
+        return fitted_to_edges(accepted, views, model) if self.parameters.edge_fit else accepted
 
     def _is_apart(self, T: Array, accepted: Sequence[PoseEstimate], model: VisionModel) -> bool:
         least_m = self.parameters.separation * model.diameter_m
@@ -137,7 +141,7 @@ def _score(
     for feature in model.features:
         circle = feature.circle.moved(pose)
         towards = eyes - circle.centre
-        shown += int((towards @ circle.normal > FACING_COSINE * np.linalg.norm(towards, axis=1)).sum())
+        shown += int((towards @ circle.normal > GRAZING_COSINE * np.linalg.norm(towards, axis=1)).sum())
     counts = Counter((s.feature, s.view) for s in seen)
     supporting = sum(min(n / model.supporting[k].copies, 1.0) for (k, _), n in counts.items())
     return float(min(1.0, (np.count_nonzero(found.matches >= 0) + supporting) / max(shown, 1)))

@@ -23,6 +23,8 @@ class PaperParameters:
         fewest_matches: least number of ellipses, over all views, that a correspondence must explain.
         fewest_supporting: least number of supporting features, over all views, that must verify a hypothesis.
         shared: largest share of its ellipses that a hypothesis may have in common with an accepted one.
+        own_extractors: this project's extractors, both for every feature, instead of those of the paper as taught.
+        edge_fit: the pose by stereo is fitted to the edges along the model in all views.
         separation: parts found nearer to each other than this share of their diameter are one.
     """
 
@@ -35,6 +37,8 @@ class PaperParameters:
     fewest_matches: int = 2
     fewest_supporting: int = 1
     shared: float = 0.3
+    own_extractors: bool = False
+    edge_fit: bool = False
     separation: float = 0.2
 
     def __post_init__(self) -> None:

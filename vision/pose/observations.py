@@ -19,6 +19,7 @@ from vision.model.vision_model import SalientCircles
 Array = NDArray[np.float64]
 
 SIGMA_PX = 0.3
+"""Of an edge point across its contour, until the residuals say better."""
 
 
 def observe_edges(
@@ -76,9 +77,6 @@ def _observe(T_world_part, cameras, view, samples, smooth, claimed, weights):
             normals[count, 0], normals[count, 1] = nx, ny
             count += 1
     return index[:count], pixels[:count], normals[:count]
-
-
-SIGMA_PX = 0.3
 
 
 def observe_ellipses(

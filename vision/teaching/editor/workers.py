@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import multiprocessing
 import os
-import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -15,7 +14,7 @@ from multiprocessing.synchronize import Event
 from typing import Any, TypeVar
 
 from vision.errors import ResourceError
-from vision.teaching.editor.child_process import end_with_parent
+from vision.teaching.editor.child_process import begin_child, uninterrupted
 
 T = TypeVar("T")
 Report = Callable[[Any], object]
@@ -68,7 +67,9 @@ class Worker:
         self._stop.clear()
         self._hear = lambda message: loop.call_soon_threadsafe(hear, message)
         try:
-            result = await loop.run_in_executor(self._executor, _call, function, arguments, on_report is not None)
+            with uninterrupted():  # the first task starts the process
+                answer = loop.run_in_executor(self._executor, _call, function, arguments, on_report is not None)
+            result = await answer
         except BrokenProcessPool:
             if self._end.is_set():
                 raise StoppedError from None
@@ -105,10 +106,9 @@ _stop: Event
 def _begin(messages: Queue[Message | None], stop: Event, end: Event) -> None:
     """Settle the new process: it ends with its parent or when it is told to, and leaves Ctrl-C to the parent."""
     global _messages, _stop
-    end_with_parent()
+    begin_child()
     threading.Thread(target=_end_when_told, args=(end,), name="end", daemon=True).start()
     _messages, _stop = messages, stop
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     import cv2
 
     cv2.setNumThreads(1)
