@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from robot.clearance import boxes_clearance, points_clearance
@@ -229,7 +230,7 @@ class _Spots:
         """The first free spot (2,) in the order of the grid; None where the tray is full."""
         spots, taken = _grid(self._tray, self._radius), self._tray.taken
         if len(taken):
-            apart = np.sqrt(((spots[:, None] - taken[None, :, :2]) ** 2).sum(axis=-1).min(axis=1))
+            apart = cKDTree(taken[:, :2]).query(spots)[0]
             spots = spots[apart >= self._radius + self._parameters.gap_m]
         return next((spot for some in np.array_split(spots, 1 + len(spots) // 8) for spot in self._clear(some)), None)
 
@@ -250,7 +251,7 @@ class _Spots:
 def _grid(tray: Tray, radius: float) -> Array:
     """Places (N, 2) for discs of a radius, corner first, so that they end up in rows."""
     half = tray.size_m / 2 - radius - 0.003
-    step = radius / 3
+    step = radius / 6
     x, y = (np.arange(-h, h + 1e-9, step) if h > 0 else np.zeros(1) for h in half)
     return tray.centre[:2] + np.stack(np.meshgrid(x, y[::-1], indexing="ij"), axis=-1).reshape(-1, 2)
 

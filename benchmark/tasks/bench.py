@@ -168,11 +168,11 @@ class Workbench:
                 FIRMER_M * pushes,
             )
 
-    def tip(self, tip: Tip) -> Attempt:
+    def tip(self, belief: Belief, tip: Tip) -> Attempt:
         """Tip a piece over; where it lies then, only a look can tell."""
         with self.clock.stage("motion"):
             failed = self.hand.tip(tip)
-        return self.attempt("push", tip.piece, failed)
+        return self.attempt("push", belief.known[tip.piece].number, failed)
 
     @property
     def free_height_m(self) -> float:
@@ -187,7 +187,9 @@ class Workbench:
         return [
             Piece(
                 known.estimate.T_world_part,
-                opened_grasps_of(known.estimate.part, config.gripper_xml, longest_approach_m, self._models),
+                ()
+                if known.doubtful
+                else opened_grasps_of(known.estimate.part, config.gripper_xml, longest_approach_m, self._models),
                 surface_points(known.estimate.part),
                 _confidence(known.estimate) * _TRUST_AFTER_FAILURE**known.failures,
             )
@@ -207,16 +209,17 @@ class Workbench:
             return self.attempt("pick", None, ("localize", "nothing was localised")), belief
         if plan is None or placing is None:
             return self.attempt("pick", None, ("plan", "none of the grasps was possible"), choice=choice), belief
-        part, name = belief.known[plan.piece].estimate.part, plan.taught.name
+        known, name = belief.known[plan.piece], plan.taught.name
+        part = known.estimate.part
         with self.clock.stage("motion"):
             failed = self.hand.take(plan, part)
             if failed is not None:
-                return self.attempt("pick", plan.piece, failed, name), belief.failed(plan.piece)
-            belief = belief.taken(plan.piece)
+                return self.attempt("pick", known.number, failed, name), belief.failed(plan.piece)
+            belief = belief.taken(plan.piece, self.diameter_m)
             failed = self.hand.put(plan, placing, part)
         if failed is None:
             belief = belief.put(Placed(part, placing.T_world_part, placing.flat))
-        return self.attempt("pick", plan.piece, failed, name), belief
+        return self.attempt("pick", known.number, failed, name), belief
 
     def insert(self, belief: Belief) -> Attempt:
         """Put the peg into the most upright bore that is known."""
@@ -230,7 +233,7 @@ class Workbench:
             failed, tries, most_n = self.hand.insert(
                 way, InsertionParameters(self.clearance_m, min(DEEP_M, DEEP_SHARE * depth_m)), TIP_BELOW_TCP_M
             )
-        attempt = self.attempt("insert", index, failed)
+        attempt = self.attempt("insert", belief.known[index].number, failed)
         return replace(attempt, tries=tries, wrist_n=most_n)
 
     def withdraw(self) -> None:

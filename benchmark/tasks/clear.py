@@ -18,7 +18,8 @@ class Clear:
     """Empty the bin.
 
     Task:
-        Look, localise, pick a piece, put it down on a free spot in the tray; again, until nothing is found any more.
+        Look, localise, pick a piece, put it down on a free spot in the tray; go on with those that cannot have moved
+        meanwhile, and look again when there are none, until nothing is found any more.
         Where nothing is found or nothing can be gripped, look again from other viewpoints and use all pictures
         together. Of what cannot be gripped even then, tip over what stands on edge; leave the rest, with the reasons.
     Randomisations:
@@ -41,18 +42,21 @@ class Clear:
         """See the class."""
         belief, failures, pushes = Belief(), 0, 0
         for _ in range(self.most_attempts):
-            sight = bench.look(looks.standard())
-            belief, choice = self._understood(bench, belief, sight)
-            if choice.plan is None:
-                sight = sight.and_also(bench.look(looks.again()))
+            choice = bench.plan(belief) if belief.certain else None
+            if choice is None or choice.plan is None:
+                sight = bench.look(looks.standard())
                 belief, choice = self._understood(bench, belief, sight)
+                if choice.plan is None:
+                    sight = sight.and_also(bench.look(looks.again()))
+                    belief, choice = self._understood(bench, belief, sight)
             if not belief.known:
                 yield bench.attempt("look", None)  # for what is left, and nothing is
                 return
             tip = bench.plan_tip(belief, pushes) if choice.plan is None and pushes < self.most_pushes else None
             if tip is not None:
                 pushes += 1
-                yield bench.tip(tip)
+                yield bench.tip(belief, tip)
+                belief = belief.failed(tip.piece)
                 continue
             attempt, belief = bench.pick(belief, choice)
             yield attempt

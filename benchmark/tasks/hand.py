@@ -11,10 +11,12 @@ from scipy.spatial.transform import RigidTransform
 
 from benchmark.tasks.attempt import Stage
 from benchmark.tasks.clock import Clock
+from benchmark.world.boards import boards
 from benchmark.world.cell import GRIPPER_PREFIX, WorkCell
 from benchmark.world.drop import OnStep
 from benchmark.world.parts import get_part
 from robot.bore_approach import BoreApproach
+from robot.clearance import boxes_clearance
 from robot.compliance import at_tip
 from robot.errors import UnreachableError
 from robot.grasps import GraspPlan
@@ -36,6 +38,8 @@ GRIP_TIMEOUT_S = 1.2
 GRIP_SETTLE_S = 0.05
 RELEASE_TIMEOUT_S = 0.4
 RETREAT_M = 0.06
+MOVE_CLEARANCE_M = 0.005
+RISES_M = (0.1, 0.2, 0.3)
 INSERT_TIMEOUT_S = 40.0
 GUARD_N = 30.0  # felt on the way to a piece, it means that something is in the way
 PRESSING_GUARD_N = 5.0
@@ -77,6 +81,7 @@ class Hand:
         self._cell, self._clock, self._on_step = cell, clock, on_step
         self.geometry = GripperGeometry.from_mjcf(cell.config.gripper_xml)
         self.gripper = Gripper(cell.model, cell.data, GRIPPER_PREFIX)
+        self._boards = boards(cell.model, "bin").joined(boards(cell.model, "tray"))
         self.wrist = WristSensor(cell.model, cell.data, GRIPPER_PREFIX)
 
     @property
@@ -85,8 +90,35 @@ class Hand:
         return self._cell.arm.joint_positions
 
     def move_joints(self, q: Array) -> None:
-        """Move the empty hand to joint angles q (6,) in rad through the air."""
-        self._cell.move_joints(q, self._on_step)
+        """Move the empty hand to joint angles q (6,) in rad through the air, over walls that are in the way."""
+        for stop in self._stops(q):
+            self._cell.move_joints(stop, self._on_step)
+
+    def _stops(self, q: Array) -> list[Array]:
+        """Where to stop on the way: nowhere, where the direct way is free; else above the start and the goal."""
+        cell, start = self._cell, self._cell.arm.commanded_positions
+        if self._free(start, q):
+            return [q]
+        for rise in RISES_M:
+            up = RigidTransform.from_translation([0.0, 0.0, rise])
+            try:
+                above = [cell.kinematics.inverse(up * cell.kinematics.forward(end), end) for end in (start, q)]
+            except UnreachableError:
+                continue
+            if self._free(above[0], above[1]) and self._free(above[1], q):
+                return [*above, q]
+        return [q]
+
+    def _free(self, start: Array, goal: Array) -> bool:
+        """Whether the gripper stays off the boards on a joint move."""
+        shares = np.linspace(0.0, 1.0, 40)[:, None]
+        tool = self.geometry.T_flange_tcp
+        poses = [self._cell.kinematics.forward(q) * tool for q in start + shares * (goal - start)]
+        turns, places = np.array([p.rotation.as_matrix() for p in poses]), np.array([p.translation for p in poses])
+        gripper = self.geometry.boxes(self.gripper.width_m)
+        return bool(
+            boxes_clearance(gripper, turns, places, self._boards, 2 * MOVE_CLEARANCE_M).min() > MOVE_CLEARANCE_M
+        )
 
     def follow(self, trajectory: Trajectory, guard_n: float | None = None) -> Way:
         """Follow a trajectory; stop where a force above the guard is felt that was not there at the start."""

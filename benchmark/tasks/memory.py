@@ -14,6 +14,8 @@ from vision.pose.estimate import PoseEstimate
 
 SAME_PLACE_DIAMETERS = 0.2
 """A piece that is seen again this near to where it was, in diameters, has not moved."""
+UNTOUCHED_DIAMETERS = 1.3
+"""Pieces whose origins are farther apart than this did not touch each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,10 +25,14 @@ class Known:
     Attributes:
         estimate: where it lies, as far as the pictures tell.
         failures: how often the robot tried to take it from there in vain.
+        doubtful: whether it may have moved since it was seen.
+        number: of the estimate in the localisation that it comes from.
     """
 
     estimate: PoseEstimate
     failures: int = 0
+    doubtful: bool = False
+    number: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,18 +76,30 @@ class Belief:
             estimates: what was localised.
             diameter_m: of the largest part.
         """
-        known = tuple(Known(e, self._failures(e, SAME_PLACE_DIAMETERS * diameter_m)) for e in estimates)
+        near_m = SAME_PLACE_DIAMETERS * diameter_m
+        known = tuple(Known(e, self._failures(e, near_m), number=number) for number, e in enumerate(estimates))
         return replace(self, known=known, looks=self.looks + 1)
 
     def failed(self, index: int) -> Belief:
-        """After an attempt in vain at a known piece, which still lies in the bin."""
+        """After an attempt in vain at a known piece, which still lies in the bin; everything may have moved."""
         known = self.known[index]
         changed = replace(known, failures=known.failures + 1)
-        return replace(self, known=(*self.known[:index], changed, *self.known[index + 1 :]))
+        every = (*self.known[:index], changed, *self.known[index + 1 :])
+        return replace(self, known=tuple(replace(known, doubtful=True) for known in every))
 
-    def taken(self, index: int) -> Belief:
-        """After a known piece was lifted out of the bin."""
-        return replace(self, known=self.known[:index] + self.known[index + 1 :])
+    def taken(self, index: int, diameter_m: float) -> Belief:
+        """After a known piece was lifted out of the bin: what lay so near that it may have touched it is in doubt."""
+        gone = self.known[index].estimate.T_world_part.translation
+        near_m = UNTOUCHED_DIAMETERS * diameter_m
+        left = [known for number, known in enumerate(self.known) if number != index]
+        apart = [float(np.linalg.norm(known.estimate.T_world_part.translation - gone)) for known in left]
+        doubt = (replace(k, doubtful=k.doubtful or d < near_m) for k, d in zip(left, apart, strict=True))
+        return replace(self, known=tuple(doubt))
+
+    @property
+    def certain(self) -> bool:
+        """Whether any known piece certainly lies where it was seen."""
+        return any(not known.doubtful for known in self.known)
 
     def put(self, placed: Placed) -> Belief:
         """After a piece was let go in the tray."""
