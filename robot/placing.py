@@ -249,11 +249,12 @@ class _Spots:
 
 
 def _grid(tray: Tray, radius: float) -> Array:
-    """Places (N, 2) for discs of a radius, corner first, so that they end up in rows."""
+    """Places (N, 2) for discs of a radius, in rows along the long walls first: so the most of them fit in."""
     half = tray.size_m / 2 - radius - 0.003
     step = radius / 6
     x, y = (np.arange(-h, h + 1e-9, step) if h > 0 else np.zeros(1) for h in half)
-    return tray.centre[:2] + np.stack(np.meshgrid(x, y[::-1], indexing="ij"), axis=-1).reshape(-1, 2)
+    rows = y[np.argsort(-np.abs(y), kind="stable")]
+    return tray.centre[:2] + np.stack(np.meshgrid(rows, x, indexing="ij")[::-1], axis=-1).reshape(-1, 2)
 
 
 def _motions(

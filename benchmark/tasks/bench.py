@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -110,6 +111,7 @@ class Workbench:
         self.diameter_m = max(get_part(name).diameter_m for name in cell.config.part_names)
         self._bin, self._tray = boards(cell.model, "bin"), boards(cell.model, "tray")
         self._views_taken = 0
+        self._not_placed: Counter[str] = Counter()
         self._left_at: RigidTransform | None = None
 
     def look(self, viewpoints: Viewpoints) -> Sight:
@@ -140,9 +142,13 @@ class Workbench:
 
         def finish(plan: GraspPlan) -> Placing | None:
             points = surface_points(belief.known[plan.piece].estimate.part)
-            return plan_placing(
+            chosen = plan_placing(
                 self._cell.kinematics, self.hand.geometry, plan, points, tray, parameters or PlaceParameters()
-            ).placing
+            )
+            self._not_placed.update({f"placing, {why}": count for why, count in chosen.rejected.items()})
+            return chosen.placing
+
+        self._not_placed = Counter()
 
         with self.clock.stage("motion"):
             return plan_grasp(
@@ -279,7 +285,7 @@ class Workbench:
         worst = Watched() if self._watch is None else self._watch.worst
         if self._watch is not None:
             self._watch.restart()
-        rejected = {} if choice is None or choice.plan is not None else choice.rejected
+        rejected = {} if choice is None or choice.plan is not None else {**choice.rejected, **self._not_placed}
         return Attempt(goal, estimate, stage, cause, grasp, rejected, self.clock.take_simulated_s(), worst)
 
 
