@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
+from types import CodeType, FrameType
 
 EXIT_INTERRUPTED = 130
 """What a shell reports of a program that Ctrl-C ended."""
@@ -21,7 +21,9 @@ EXIT_INTERRUPTED = 130
 _RETRY_S = 0.05
 _PATIENCE_S = 1.0
 _FAREWELL = b"focalpick: stopped\n"
-_IMPORTING = "<frozen importlib._bootstrap>"
+_SWALLOWING = ("<frozen importlib._bootstrap>", f"{os.sep}llvmlite{os.sep}")
+"""Whose code may not be left by such an exception: an import is left half done, or swallows it, and LLVM calls back
+from C, where Python only prints what is raised."""
 
 
 def end_at_once() -> None:
@@ -37,7 +39,7 @@ def end_at_once() -> None:
 
 @contextmanager
 def ended_in_order() -> Iterator[None]:
-    """Let Ctrl-C leave this block as a KeyboardInterrupt, though not in the middle of an import.
+    """Let Ctrl-C leave this block as a KeyboardInterrupt, though not where that would be swallowed.
 
     When it has had its time and is pressed again, it ends the process at once. What comes sooner is impatience.
     Does nothing without :func:`end_at_once`: whoever calls from a program of his own has his own answer.
@@ -71,19 +73,25 @@ def ignore_interrupts() -> None:
 
 
 def put_off(number: int, frame: FrameType | None) -> bool:
-    """Whether a signal came in the middle of an import; then it comes again a little later.
+    """Whether a signal came where an exception would be swallowed; then it comes again a little later.
+
+    That is in the middle of an import, below LLVM, and in a ``__del__``.
 
     Args:
         number: the signal.
         frame: what it has interrupted.
     """
-    while frame is not None and frame.f_code.co_filename != _IMPORTING:
+    while frame is not None and not _swallows(frame.f_code):
         frame = frame.f_back
     if frame is None:
         return False
     signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(number))
     signal.setitimer(signal.ITIMER_REAL, _RETRY_S)
     return True
+
+
+def _swallows(code: CodeType) -> bool:
+    return code.co_name == "__del__" or any(part in code.co_filename for part in _SWALLOWING)
 
 
 def _end(*_: object) -> None:
