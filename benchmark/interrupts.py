@@ -7,6 +7,7 @@ loaded, which then fails in its own words, or the library swallows it and the pr
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import signal
 import threading
@@ -21,9 +22,9 @@ EXIT_INTERRUPTED = 130
 _RETRY_S = 0.05
 _PATIENCE_S = 1.0
 _FAREWELL = b"focalpick: stopped\n"
-_SWALLOWING = ("<frozen importlib._bootstrap>", f"{os.sep}llvmlite{os.sep}")
-"""Whose code may not be left by such an exception: an import is left half done, or swallows it, and LLVM calls back
-from C, where Python only prints what is raised."""
+_SWALLOWING = ("<frozen importlib._bootstrap>", *(f"{os.sep}{name}{os.sep}" for name in ("numba", "llvmlite")))
+"""Whose code may not be left by such an exception: an import is left half done, or swallows it, and Numba and LLVM
+call back from C, where it is only printed, or becomes a SystemError."""
 
 
 def end_at_once() -> None:
@@ -48,15 +49,17 @@ def ended_in_order() -> Iterator[None]:
         yield
         return
 
-    heard_at: float | None = None
+    pressed_at: float | None = None
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        nonlocal heard_at
-        if heard_at is not None:
-            if time.monotonic() > heard_at + _PATIENCE_S:
+        nonlocal pressed_at
+        again = frame is not None and frame.f_code is _send_again.__code__
+        if pressed_at is not None and not again:
+            if time.monotonic() > pressed_at + _PATIENCE_S:
                 _end()
-        elif not put_off(number, frame):
-            heard_at = time.monotonic()
+            return
+        pressed_at = pressed_at or time.monotonic()
+        if not put_off(number, frame):
             raise KeyboardInterrupt
 
     signal.signal(signal.SIGINT, interrupt)
@@ -75,7 +78,7 @@ def ignore_interrupts() -> None:
 def put_off(number: int, frame: FrameType | None) -> bool:
     """Whether a signal came where an exception would be swallowed; then it comes again a little later.
 
-    That is in the middle of an import, below LLVM, and in a ``__del__``.
+    That is in the middle of an import, while a kernel is compiled, and in a ``__del__``.
 
     Args:
         number: the signal.
@@ -85,9 +88,13 @@ def put_off(number: int, frame: FrameType | None) -> bool:
         frame = frame.f_back
     if frame is None:
         return False
-    signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(number))
+    signal.signal(signal.SIGALRM, functools.partial(_send_again, number))
     signal.setitimer(signal.ITIMER_REAL, _RETRY_S)
     return True
+
+
+def _send_again(number: int, *_: object) -> None:
+    signal.raise_signal(number)
 
 
 def _swallows(code: CodeType) -> bool:
