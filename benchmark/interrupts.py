@@ -7,13 +7,14 @@ loaded, which then fails in its own words, or the library swallows it and the pr
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import signal
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
+from types import CodeType, FrameType
 
 EXIT_INTERRUPTED = 130
 """What a shell reports of a program that Ctrl-C ended."""
@@ -21,7 +22,9 @@ EXIT_INTERRUPTED = 130
 _RETRY_S = 0.05
 _PATIENCE_S = 1.0
 _FAREWELL = b"focalpick: stopped\n"
-_IMPORTING = "<frozen importlib._bootstrap>"
+_SWALLOWING = ("<frozen importlib._bootstrap>", *(f"{os.sep}{name}{os.sep}" for name in ("numba", "llvmlite")))
+"""Whose code may not be left by such an exception: an import is left half done, or swallows it, and Numba and LLVM
+call back from C, where it is only printed, or becomes a SystemError."""
 
 
 def end_at_once() -> None:
@@ -37,7 +40,7 @@ def end_at_once() -> None:
 
 @contextmanager
 def ended_in_order() -> Iterator[None]:
-    """Let Ctrl-C leave this block as a KeyboardInterrupt, though not in the middle of an import.
+    """Let Ctrl-C leave this block as a KeyboardInterrupt, though not where that would be swallowed.
 
     When it has had its time and is pressed again, it ends the process at once. What comes sooner is impatience.
     Does nothing without :func:`end_at_once`: whoever calls from a program of his own has his own answer.
@@ -46,15 +49,17 @@ def ended_in_order() -> Iterator[None]:
         yield
         return
 
-    heard_at: float | None = None
+    pressed_at: float | None = None
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        nonlocal heard_at
-        if heard_at is not None:
-            if time.monotonic() > heard_at + _PATIENCE_S:
+        nonlocal pressed_at
+        again = frame is not None and frame.f_code is _send_again.__code__
+        if pressed_at is not None and not again:
+            if time.monotonic() > pressed_at + _PATIENCE_S:
                 _end()
-        elif not put_off(number, frame):
-            heard_at = time.monotonic()
+            return
+        pressed_at = pressed_at or time.monotonic()
+        if not put_off(number, frame):
             raise KeyboardInterrupt
 
     signal.signal(signal.SIGINT, interrupt)
@@ -71,19 +76,29 @@ def ignore_interrupts() -> None:
 
 
 def put_off(number: int, frame: FrameType | None) -> bool:
-    """Whether a signal came in the middle of an import; then it comes again a little later.
+    """Whether a signal came where an exception would be swallowed; then it comes again a little later.
+
+    That is in the middle of an import, while a kernel is compiled, and in a ``__del__``.
 
     Args:
         number: the signal.
         frame: what it has interrupted.
     """
-    while frame is not None and frame.f_code.co_filename != _IMPORTING:
+    while frame is not None and not _swallows(frame.f_code):
         frame = frame.f_back
     if frame is None:
         return False
-    signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(number))
+    signal.signal(signal.SIGALRM, functools.partial(_send_again, number))
     signal.setitimer(signal.ITIMER_REAL, _RETRY_S)
     return True
+
+
+def _send_again(number: int, *_: object) -> None:
+    signal.raise_signal(number)
+
+
+def _swallows(code: CodeType) -> bool:
+    return code.co_name == "__del__" or any(part in code.co_filename for part in _SWALLOWING)
 
 
 def _end(*_: object) -> None:

@@ -19,14 +19,13 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass
-from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import Any, Generic, TypeVar
 
 from benchmark.child_process import single_threaded
 from vision.errors import ResourceError
-from vision.teaching.editor.child_process import begin_child, uninterrupted
+from vision.teaching.editor.child_process import begin_child, start_resource_tracker, uninterrupted
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -113,7 +112,7 @@ class Pool(Generic[Task, Result]):
         occupied = sum(worker.task is not None for worker in self._crew)
         while len(self._crew) < min(self._size, occupied + len(self._waiting)):
             try:
-                resource_tracker.ensure_running()  # the first process would start it, and it unblocks signals then
+                start_resource_tracker()
                 with uninterrupted():  # a process that nobody knows of would be left
                     self._crew.append(_Worker(self._function))
             except OSError as error:

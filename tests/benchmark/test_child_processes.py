@@ -159,6 +159,24 @@ def test_the_first_child_hears_no_signal_before_it_can_answer_one(start: str, tm
     assert done.stdout == f"{blocked} []\n"
 
 
+KILLED = """
+import os, signal
+from vision.teaching.editor.workers import Worker
+
+if __name__ == "__main__":
+    worker = Worker()
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_nobody_is_told_what_is_removed_after_a_killed_program(tmp_path: Path) -> None:
+    script = tmp_path / "program.py"
+    script.write_text(KILLED)
+    environment = os.environ | {"PYTHONPATH": str(TESTS.parents[1])}
+    done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (-signal.SIGKILL, "")
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_signal_leaves_the_block_with_the_exit_code_of_a_shell(number: signal.Signals) -> None:
     before = signal.getsignal(number)

@@ -69,6 +69,41 @@ def test_an_import_cannot_swallow_the_end_either(number: signal.Signals, tmp_pat
     assert run(program, tmp_path) == (128 + number, "", "")
 
 
+CALLING_BACK = f"""
+import ctypes
+
+@ctypes.CFUNCTYPE(None)
+def notify():
+    {PRESS}
+def work():
+    notify()
+"""
+
+COLLECTED = f"""
+class Thing:
+    def __del__(self):
+        {PRESS}
+def work():
+    Thing()
+"""
+
+
+@pytest.mark.parametrize(
+    ("package", "program"), [("llvmlite", CALLING_BACK), ("numba", CALLING_BACK), ("mine", COLLECTED)]
+)
+def test_ctrl_c_is_answered_after_what_only_prints_exceptions(package: str, program: str, tmp_path: Path) -> None:
+    (tmp_path / package).mkdir()
+    (tmp_path / package / "working.py").write_text(program)
+    inside = "import time; from working import work; work(); time.sleep(60)"
+    assert run(IN_ORDER.format(inside=inside, after=""), tmp_path / package) == (0, "in order\nwent on\n", "")
+
+
+def test_pressed_again_ctrl_c_ends_what_takes_long_to_let_it_through(tmp_path: Path) -> None:
+    (tmp_path / "long.py").write_text(f"import time\n{PRESS}time.sleep(1.2)\n{PRESS}time.sleep(60)\n")
+    program = IN_ORDER.format(inside="import long", after="")
+    assert run(program, tmp_path) == (130, "", "focalpick: stopped\n")
+
+
 def test_impatience_does_not_disturb_the_way_out(tmp_path: Path) -> None:
     inside = f"""
         try:

@@ -13,15 +13,30 @@ import ctypes
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 from pathlib import Path
 
 EXIT_ORPHANED = 1
 _STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _PR_SET_PDEATHSIG = 1
+_QUIETLY = "ignore:resource_tracker"
+
+
+def start_resource_tracker() -> None:
+    """Start multiprocessing's resource tracker before the first child would, which may be while signals are blocked.
+
+    It unblocks them. It says nothing of what it removes after a program that was killed: nobody need do anything.
+    """
+    sys.warnoptions.append(_QUIETLY)
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        sys.warnoptions.remove(_QUIETLY)
 
 
 def begin_child() -> None:
@@ -74,8 +89,8 @@ def uninterrupted() -> Iterator[None]:
     """Put off Ctrl-C, SIGTERM and SIGHUP until the block is left.
 
     A process that is started in it does not hear them before it unblocks them, so that none ends with a traceback
-    because it was interrupted while it starts: it calls :func:`begin_child`. Start multiprocessing's
-    resource tracker before, which unblocks them when it starts. Does nothing outside the main thread.
+    because it was interrupted while it starts: it calls :func:`begin_child`. Call
+    :func:`start_resource_tracker` before. Does nothing outside the main thread.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

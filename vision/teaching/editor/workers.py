@@ -14,7 +14,7 @@ from multiprocessing.synchronize import Event
 from typing import Any, TypeVar
 
 from vision.errors import ResourceError
-from vision.teaching.editor.child_process import begin_child, uninterrupted
+from vision.teaching.editor.child_process import begin_child, start_resource_tracker, uninterrupted
 
 T = TypeVar("T")
 Report = Callable[[Any], object]
@@ -31,6 +31,7 @@ class Worker:
 
     def __init__(self) -> None:
         """The process starts with the first task."""
+        start_resource_tracker()
         self._context = multiprocessing.get_context("spawn")
         self._messages: Queue[Message | None] = self._context.Queue()
         self._stop, self._end = self._context.Event(), self._context.Event()
