@@ -118,11 +118,16 @@ def _draw_rates(ax: Axes, table: Table, stage: str) -> None:
             if rate.rate is not None and rate.low is not None and rate.high is not None:
                 reach = [[rate.rate - rate.low], [rate.high - rate.rate]]
                 ax.errorbar(xi, rate.rate, reach, color="#222222", linewidth=1.2, capsize=3)
-            ax.text(xi, 0.02, f"n={rate.n}", ha="center", color="white" if rate.rate else "#555555", fontsize=8)
     if "paper" in methods:
         at = positions + (methods.index("paper") - (len(methods) - 1) / 2) * width
         _draw_published(ax, table, stage, at, width)
-    ax.set_xticks(positions, [TITLES.get(part, part) for part in table.parts])
+    counts = [
+        {table.find_success(part, method, stage, HALF_VISIBLE).rate.n for method in methods} for part in table.parts
+    ]
+    labels = [
+        f"{TITLES.get(p, p)}\nn = {' / '.join(map(str, sorted(n)))}" for p, n in zip(table.parts, counts, strict=True)
+    ]
+    ax.set_xticks(positions, labels)
     ax.tick_params(axis="x", length=0)
     ax.set_ylim(0, 1.03)
 
