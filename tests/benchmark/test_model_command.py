@@ -30,10 +30,11 @@ def test_all_that_a_model_says_is_printed():
     for name in [f.name for f in model.features] + [g.name for g in model.grasps]:
         assert name in text
     assert "outline 240.0 mm, 5 rotations look the same" in text
-    row = next(line for line in text.splitlines() if "bore_front" in line)
-    assert "salient" in row
-    assert f"{2e3 * model.features[1].circle.radius_m:.2f}" in row
-    assert "region growing" in row
+    for feature, extractor in ((model.features[0], "region growing"), (model.features[1], "edge grouping")):
+        row = next(line for line in text.splitlines() if f" {feature.name} " in line)
+        assert "salient" in row
+        assert f"{2e3 * feature.circle.radius_m:.2f}" in row
+        assert extractor in row
     bore = next(line for line in text.splitlines() if line.strip().startswith("bore "))
     assert "64.0" in bore
     assert "15.0" in bore

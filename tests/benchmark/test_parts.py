@@ -206,7 +206,7 @@ def test_fingers_stay_above_the_floor_that_the_part_lies_on(part):
     half_height = vertices(part)[:, 2].max()
     for grasp in part.grasps:
         approach = grasp.T_part_tcp.rotation.as_matrix()[2, 2]
-        if abs(approach) > 0.5:
+        if abs(approach) > 0.9:  # others are for parts that lean, and are looked at beside the bin when planned
             assert approach * grasp.T_part_tcp.translation[2] + FINGER_END_M <= half_height - 0.002
 
 
