@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import pytest
 
 from benchmark.world import gl
@@ -25,6 +27,8 @@ def test_the_first_that_works_is_kept_for_child_processes(monkeypatch: pytest.Mo
     monkeypatch.setenv("MUJOCO_GL", "")
     monkeypatch.setattr(gl, "candidates", lambda _: ("broken", "egl"))
     monkeypatch.setattr(gl, "works", lambda backend: backend == "egl")
+    # Where the tests draw with another backend, MuJoCo's module must not be loaded anew for this one.
+    monkeypatch.delitem(sys.modules, "mujoco.rendering.classic.gl_context", raising=False)
     assert gl.choose_backend() == "egl"
     assert gl.os.environ["MUJOCO_GL"] == "egl"
 
