@@ -30,7 +30,7 @@ print("went on")
 """
 
 
-def run(program: str, directory: Path, *arguments: str) -> tuple[int, str, str]:
+def run(program: str, directory: Path, *arguments: str, bound_s: float = BOUND_S) -> tuple[int, str, str]:
     """The exit code and what was printed to either stream; modules in the directory can be imported."""
     path = os.pathsep.join([str(directory), str(ROOT)])
     inherited = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "NICEGUI"))}
@@ -39,7 +39,7 @@ def run(program: str, directory: Path, *arguments: str) -> tuple[int, str, str]:
         capture_output=True,
         text=True,
         check=False,
-        timeout=BOUND_S,
+        timeout=bound_s,
         env=inherited | {"PYTHONPATH": path},
     )
     return done.returncode, done.stdout, done.stderr
@@ -153,5 +153,5 @@ if __name__ == "__main__":
 def test_an_impatient_person_ends_the_teaching_page_in_order(tmp_path: Path) -> None:
     views = shutil.copytree(ROOT / "assets" / "models" / "sessions" / "cover2", tmp_path / "views")
     (views / "session.json").unlink()  # whose replay takes a while
-    code, out, err = run(TEACHING, tmp_path, str(views))
+    code, out, err = run(TEACHING, tmp_path, str(views), bound_s=600)  # kernels may have to be compiled first
     assert (code, out.splitlines()[-1], err) == (0, "in order", "")
