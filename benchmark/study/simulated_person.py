@@ -33,7 +33,7 @@ SMALLEST_RADIUS_PX = 4.0
 SMALLEST_FACING_COSINE = 0.35
 FAINTEST_EDGE = 5.0  # grey levels per pixel of the smoothed picture; a step of 15 levels
 CLOSEST_PX = 5.0
-LARGEST_RESIFOCAL_PX = 1.0
+LARGEST_RESIDUAL_PX = 1.0
 SECONDS_PER_EVENT = 1.5
 STRATEGIES: dict[str, dict[str, Extractor]] = {
     "hub": {"outline": "region", "salient": "group", "supporting": "region"},
@@ -155,7 +155,7 @@ class _Person:
                 circle = locate(self.session.document.feature(feature_id).taught(), self._views, self._edges)
             except InputError:  # the page says that these marks make no circle
                 break
-            wrong = circle.inconsistent(LARGEST_RESIFOCAL_PX)
+            wrong = circle.inconsistent(LARGEST_RESIDUAL_PX)
             if not wrong:
                 return
             worst = max(wrong, key=lambda number: circle.residual_px[number])

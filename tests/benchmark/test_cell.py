@@ -144,10 +144,13 @@ def test_mask_of_a_piece_is_where_its_vertices_project_to(cell: WorkCell, lookin
     for pose, name, mask in zip(cell.truth(), cell.config.piece_parts, visibility.total_masks, strict=True):
         points = (cell.camera_truth().inv() * pose).apply(vertices(get_part(name)))
         pixels = cell.camera.project(points)
-        rows, columns = np.nonzero(mask)  # a tip thinner than a pixel is not drawn
+        rows, columns = np.nonzero(
+            mask
+        )  # drawn where the centre of a pixel is covered, so never beyond; a thin tip may be missing
         for seen, projected, size in ((columns, pixels[:, 0], 640), (rows, pixels[:, 1], 480)):
-            assert seen.min() == pytest.approx(max(projected.min(), 0), abs=1.5)
-            assert seen.max() == pytest.approx(min(projected.max(), size - 1), abs=1.5)
+            low, high = max(projected.min(), 0), min(projected.max(), size - 1)
+            assert -0.5 <= seen.min() - low <= 1.5
+            assert -0.5 <= high - seen.max() <= 1.5
 
 
 def test_visible_pixels_are_a_part_of_all_pixels(cell: WorkCell, looking: np.ndarray) -> None:

@@ -30,7 +30,7 @@ TILT_SIGMA_RAD = np.radians(12.0)
 DEPTH_SIGMA = 0.02  # relative
 DEPTH_LEVELS = (0.15, 0.4, 0.65)  # of the workspace's height
 ITERATIONS = 4
-LARGEST_RESIFOCAL_PX = 1.5
+LARGEST_RESIDUAL_PX = 1.5
 
 
 def arc_poses(
@@ -146,7 +146,7 @@ def _fit_arc(poses, points, T_camera_world, intrinsics, circle):
                 turned[a] += g[3 + a]
             turn_and_move(pose, g)
         spread = np.median(np.abs(residuals[:count])) if count >= n // 2 else np.inf
-        good[i] = spread < LARGEST_RESIFOCAL_PX and circle.side * _facing(T_camera_world @ pose) < 0
+        good[i] = spread < LARGEST_RESIDUAL_PX and circle.side * _facing(T_camera_world @ pose) < 0
     return good
 
 

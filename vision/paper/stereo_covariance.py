@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 FREE_PARAMETERS = 5  # of an ellipse: so many of its points are independent
 TURN_RAD = np.radians(2.0)  # standard deviation of the turn that the supporting features tell
-LEAST_RESIFOCAL = 1e-4  # of the largest circle's radius
+LEAST_RESIDUAL = 1e-4  # of the largest circle's radius
 
 
 def stereo_covariance(
@@ -34,7 +34,7 @@ def stereo_covariance(
     of_part, of_world, _ = rim_correspondences(T_world_part, matches, features, views, circles)
     arms = of_part @ T_world_part[:3, :3].T
     off = of_world - (arms + T_world_part[:3, 3])
-    variance = max(float((off**2).sum(axis=1).mean()) / 3, (LEAST_RESIFOCAL * float(circles.radius.max())) ** 2)
+    variance = max(float((off**2).sum(axis=1).mean()) / 3, (LEAST_RESIDUAL * float(circles.radius.max())) ** 2)
     information = np.zeros((6, 6))
     for arm in arms:
         cross = np.array([[0.0, -arm[2], arm[1]], [arm[2], 0.0, -arm[0]], [-arm[1], arm[0], 0.0]])

@@ -23,7 +23,7 @@ from vision.teaching.triangulation import TriangulatedCircle, triangulate_circle
 
 Array = NDArray[np.float64]
 
-LARGEST_RESIFOCAL_PX = 1.0
+LARGEST_RESIDUAL_PX = 1.0
 """Views whose marks are further from the common circle than this are called inconsistent."""
 
 STRAY_PX = 6.0  # a click this far from the ellipse through the others does not belong to it
@@ -211,8 +211,8 @@ def _inconsistent(solution: TriangulatedCircle) -> tuple[int, ...]:
     """Views that disagree; of two, one is as likely to be wrong as the other."""
     residual_px = solution.residual_px
     if len(residual_px) == 2:
-        return tuple(residual_px) if max(residual_px.values()) > LARGEST_RESIFOCAL_PX else ()
-    return tuple(solution.inconsistent(LARGEST_RESIFOCAL_PX))
+        return tuple(residual_px) if max(residual_px.values()) > LARGEST_RESIDUAL_PX else ()
+    return tuple(solution.inconsistent(LARGEST_RESIDUAL_PX))
 
 
 def _off_the_axis(finding: Finding) -> str:
